@@ -8,6 +8,7 @@ from pathlib import Path
 
 from flywheel.cli.console import Out
 from flywheel.data.recordings import read_recording
+from flywheel.dynamics.plant import cables_by_winches
 from flywheel.outputs import printable
 from flywheel.records import Trajectory
 from flywheel.robots import Robot
@@ -34,7 +35,7 @@ def read_logs(paths: Sequence[Path], robot: Robot, dt: float, out: Out) -> list[
     """
     recordings = []
     for path in paths:
-        imported = read_recording(path, robot, dt=dt)
+        imported = read_recording(path, robot, dt=dt, follow=cables_by_winches)
         for f in imported.report.findings:
             done = f"{f.count} {f.action} at {f.when or 'all times'} s. " if f.count else ""
             out.say(f"{imported.report.file}: {f.kind} {f.subject}: {done}{f.words}")

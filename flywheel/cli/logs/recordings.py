@@ -79,31 +79,31 @@ def import_(
 ) -> None:
     """Make episodes from logs, and report masked, repaired or resampled samples.
 
-    Formats are told by content: CSV and other tables, Motive, Vicon, Qualisys, TRC, C3D, MAT, NPZ, HDF5,
-    Parquet (also LeRobot's), ROS bags, MCAP. If one log cannot be used, none is stored, and the message says
-    why.
+    The format of a log is told by its content, see docs/recordings.md. If one cannot be used, none is
+    stored.
 
     [bold]Examples[/bold]
 
     flywheel recordings import monday.csv --robot prism3 --store runs/prism3/store --dry-run
 
-    flywheel recordings import logs/*.csv --robot my.xml --store mine --split test
-
-    flywheel recordings import --map monday.yaml --robot my.xml --store mine
+    flywheel recordings import --split test --map monday.yaml --robot my.xml --store mine
     """
     from flywheel.data.recordings import read_map, read_recording
+    from flywheel.dynamics.plant import cables_by_winches
 
     owner = _robot(store, robot)
     place = None if dry_run else _store(store)
     how = read_map(map_file) if map_file else None
-    logs = _named(logs, map_file, how)
     chosen = None if split is SplitChoice.auto else cast("Split", split.value)
 
     def read(log: Path) -> Imported:
         with _progress().stage(escape(printable(log.name)), 1.0) as stage:
-            return read_recording(log, owner, how=how, dt=dt, split=chosen, told=_told(stage))
+            follow, told = cables_by_winches, _told(stage)
+            return read_recording(
+                log, owner, how=how, dt=dt, split=chosen, told=told, follow=follow
+            )
 
-    found = _read_all(logs, read, keep=not dry_run)
+    found = _read_all(_named(logs, map_file, how), read, keep=not dry_run)
     outcomes = [("not stored (dry run)", "") for _ in found]
     if place is not None:
         outcomes = [_stored(place, one, read) for one in found]

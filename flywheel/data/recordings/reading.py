@@ -15,6 +15,7 @@ from flywheel.data.recordings.accounts import check_accounts
 from flywheel.data.recordings.assembly import assemble
 from flywheel.data.recordings.cables import Evidence, check_frame
 from flywheel.data.recordings.clock import stretches, usual_period, without_duplicates
+from flywheel.data.recordings.clocks import Follow
 from flywheel.data.recordings.columns import Log, matched, pick
 from flywheel.data.recordings.formats import TABLE, format_of
 from flywheel.data.recordings.geometry import (
@@ -75,6 +76,7 @@ def read_recording(
     dt: float = 0.01,
     split: Split | None = None,
     told: Told | None = None,
+    follow: Follow | None = None,
 ) -> Imported:
     """Read a log of a robot.
 
@@ -88,6 +90,8 @@ def read_recording(
       dt: control step of the episodes [s].
       split: of the episodes; by default from the hash of the content.
       told: called during reading, with the bytes so far and those of the file.
+      follow: how cables follow their winches, which makes `align: auto` exact: `cables_by_winches` of
+        `flywheel.dynamics.plant`.
 
     Raises:
       DataError: the log cannot be used; the message says where and why.
@@ -96,7 +100,7 @@ def read_recording(
     CONTROL_STEP.check(dt, "A control step, dt,", DataError)
     path = Path(path)
     how = beside(path) if how is None else how
-    digest, log, findings, slow = _read(path, robot, how, dt, told)
+    digest, log, findings, slow = _read(path, robot, how, dt, told, follow)
     rows = len(log.time)
     try:
         log, period, found = _checked(log, robot, dt, "swaps" in how.repair)
@@ -142,7 +146,12 @@ def beside(path: Path) -> RecordingMap:
 
 
 def _read(
-    path: Path, robot: Robot, how: RecordingMap, dt: float, told: Told | None
+    path: Path,
+    robot: Robot,
+    how: RecordingMap,
+    dt: float,
+    told: Told | None,
+    follow: Follow | None,
 ) -> tuple[str, Log, list[Finding], float]:
     """The digest, the log's raw values, and the time between rows with points if others are between [s]."""
     if not how.assembles and not path.is_dir() and format_of(path) is TABLE:
@@ -152,7 +161,7 @@ def _read(
         return table.digest, *pick(table, columns, robot, how), 0.0
     entries = how.files or (FileEntry(path=path.name),)
     try:
-        found = assemble(path.parent, entries, robot, how, dt)
+        found = assemble(path.parent, entries, robot, how, dt, follow)
     except DataError as error:
         if len(entries) == 1 and str(error).startswith(printable(path.name)):
             raise

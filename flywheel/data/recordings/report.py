@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from flywheel.records import Floats
 
-Action = Literal["masked", "repaired", "resampled", "left out", "split", "noted"]
+Action = Literal["masked", "repaired", "resampled", "left out", "split", "noted", "aligned"]
 SPANS_KEPT = 20  # spans kept per finding: a flickering marker has thousands
 
 
@@ -21,7 +21,7 @@ class Finding:
 
     Attributes:
       kind: "missing", "infinite", "far", "repeat", "duplicate stamp", "irregular stamp", "gap",
-        "swap", "leap", "rod length", "rate", "height", "cable", "clock", "column" or "channel".
+        "swap", "leap", "rod length", "rate", "height", "cable", "clock", "file", "column" or "channel".
       action: taken.
       subject: the marker, pair or column; "" for the whole log.
       count: samples (or rows).

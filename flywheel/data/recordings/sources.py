@@ -102,6 +102,8 @@ class FileEntry(Frozen):
       where: only rows with these values, by the columns' names: {episode_index: 3}.
       offset: time of the first file at this file's time 0 [s].
       pace: seconds of the first file per second of this one.
+      align: auto: offset and pace are found from what this file and another have seen, the winches and the
+        points.
     """
 
     path: Name
@@ -113,6 +115,7 @@ class FileEntry(Frozen):
     where: dict[Name, float | Name] = Field(default={})
     offset: Annotated[float, Bounds(-1e11, 1e11, "s")] = 0.0
     pace: Annotated[float, Bounds(0.5, 2)] = 1.0
+    align: Literal["auto"] | None = None
 
     @model_validator(mode="after")
     def _is_known(self) -> Self:
@@ -121,6 +124,8 @@ class FileEntry(Frozen):
             raise ValueError(f"format is one of {', '.join(known)}; got {shown(self.format)}")
         if self.rate is not None and self.time:
             raise ValueError("give time, a column, or rate, not both")
+        if self.align is not None and {"offset", "pace"} & self.model_fields_set:
+            raise ValueError("give align: auto, or offset and pace, not both")
         return self
 
 

@@ -3,6 +3,7 @@
 from flywheel.dynamics.plant.augmented import AugmentedPlant, Motion
 from flywheel.dynamics.plant.drawing import Scenery
 from flywheel.dynamics.plant.effective import EffectivePlant, with_effects
+from flywheel.dynamics.plant.following import cables_by_winches
 from flywheel.dynamics.plant.live import LiveView
 from flywheel.dynamics.plant.measurement import MeasurementModel
 from flywheel.dynamics.plant.oracle import PlantDynamics
@@ -35,6 +36,7 @@ __all__ = [
     "StepStudy",
     "between",
     "cable_damping",
+    "cables_by_winches",
     "hasty",
     "moved",
     "refined",

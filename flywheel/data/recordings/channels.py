@@ -1,0 +1,163 @@
+"""Points, commands and positions of winches out of the files of a recording, each with its own times."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from flywheel.data.recordings.bodies import pose_points
+from flywheel.data.recordings.lookup import Found, Sheets, length_of
+from flywheel.data.recordings.mapping import RecordingMap
+from flywheel.data.recordings.report import Finding, listed
+from flywheel.data.recordings.series import Clock, Series
+from flywheel.data.recordings.sources import Channel, factor_of
+from flywheel.errors import DataError
+from flywheel.records import Floats
+from flywheel.robots import Robot, Winch
+
+
+def points_of(
+    sheets: Sheets, clocks: Sequence[Clock], robot: Robot, how: RecordingMap
+) -> tuple[list[Series | None], list[Finding]]:
+    """Positions of each tracked point in our frame; None for those that the map says nobody measured."""
+    found: list[Series | None] = []
+    missing, notes = [], []
+    for point in robot.points:
+        body = robot.bodies[point.body].name
+        if point.name in how.markers:
+            name = how.markers[point.name]
+            each = None if name is None else sheets.needed(name)
+            if each is None:
+                words = "nobody measured it, as the map says"
+                notes.append(Finding("column", "noted", point.name, 0, words=words))
+        elif body in how.poses:
+            each = pose_points(sheets, body, point.offset, how)
+        else:
+            each = sheets.columns(
+                tuple(how.columns.get(f"{point.name}.{a}", f"{point.name}.{a}") for a in "xyz")
+            )
+            if each is None:
+                missing.append(point.name)
+        found.append(None if each is None else _series(each, _in_our_frame(each, how), clocks))
+    if missing:
+        known = sheets.markers()
+        there = f" The files have {listed(known, 12)}." if known else " The files have no marker."
+        raise DataError(
+            f"{listed(missing)} of the robot {robot.name} is in no file: give its marker under markers, the "
+            f"pose of its body under poses, or null under markers if nobody measured it.{there}"
+        )
+    if not any(found):
+        raise DataError("the map gives no marker and no pose.")
+    return found, notes
+
+
+def _in_our_frame(found: Found, how: RecordingMap) -> Floats:
+    """(N, 3) positions in metres, z up."""
+    with np.errstate(over="ignore"):
+        return how.axes.turned(found.values * length_of(found.source, how)) + np.array(how.origin)
+
+
+def positions_of(
+    sheets: Sheets, clocks: Sequence[Clock], winch: Winch, how: RecordingMap
+) -> Series | None:
+    """Measured positions of a winch; None without a column."""
+    channel = how.winches.get(winch.name)
+    if channel is None and winch.sensor:
+        name = how.columns.get(winch.sensor, winch.sensor)
+        if sheets.columns([name]) is None:
+            return None
+        channel = Channel.model_validate({"from": name})
+    if channel is None or channel.hold:
+        return None
+    return _channel(sheets, clocks, channel, how, "winch", winch.name)
+
+
+def commands_of(
+    sheets: Sheets,
+    clocks: Sequence[Clock],
+    robot: Robot,
+    measured: Sequence[Series | None],
+    how: RecordingMap,
+) -> list[Series | float]:
+    """Commands of each winch, or the constant one that holds it where it was measured."""
+    return [
+        _told(sheets, clocks, robot, index, measured[index], how)
+        for index in range(len(robot.winches))
+    ]
+
+
+def _told(
+    sheets: Sheets,
+    clocks: Sequence[Clock],
+    robot: Robot,
+    index: int,
+    measured: Series | None,
+    how: RecordingMap,
+) -> Series | float:
+    winch = robot.winches[index]
+    channel = how.commands.get(winch.name)
+    if channel is None:
+        name = how.columns.get(f"ctrl.{winch.name}", f"ctrl.{winch.name}")
+        if sheets.columns([name]) is None:
+            raise DataError(
+                f"the winch {winch.name} has no commands: give its column under commands "
+                f"({winch.name}: COLUMN), or {winch.name}: hold if it never moved. There are: "
+                f"{listed([repr(n) for n in sheets.names()], 12)}."
+            )
+        channel = Channel.model_validate({"from": name})
+    if channel.hold:
+        at = robot.winch_of(robot.keyframe)[index]
+        if measured is not None and np.isfinite(measured.values).any():
+            at = np.nanmedian(measured.values)
+        return float(robot.holding(np.full(len(robot.winches), at))[index])
+    return _channel(sheets, clocks, channel, how, "control", winch.name)
+
+
+def _channel(
+    sheets: Sheets,
+    clocks: Sequence[Clock],
+    channel: Channel,
+    how: RecordingMap,
+    kind: str,
+    winch: str,
+) -> Series:
+    """A column in m or m/s, with its own times; rows in which it was not written are left out."""
+    name = channel.source or ""
+    sign = 1.0
+    if name.startswith("-") and sheets.columns([name]) is None:
+        sign, name = -1.0, name[1:]
+    found = sheets.column(name)
+    unit = channel.unit or getattr(how.units, kind)
+    drum = channel.drum if channel.drum is not None else how.units.drum
+    try:
+        factor = sign * factor_of(unit, f"the unit of {winch}", drum, channel.per)
+    except ValueError as error:
+        raise DataError(f"{error}.") from None
+    values = factor * found.values[:, 0] + channel.add
+    made = _series(found, values, clocks, channel.held)
+    if kind == "control":
+        known = np.isfinite(values)
+        if known.sum() < 1 + (not channel.held):
+            raise DataError(f"{name!r}, the commands of {winch}, has {known.sum()} numbers.")
+        made = Series(made.time[known], values[known], made.source, channel.held)
+    return made
+
+
+def _series(found: Found, values: Floats, clocks: Sequence[Clock], held: bool = False) -> Series:
+    """Values of columns at their times.
+
+    Raises:
+      DataError: time runs backward.
+    """
+    time = clocks[found.source.file].of(found.source.time)
+    backward = np.flatnonzero(np.diff(time) < 0)
+    if len(backward):
+        at = backward[0]
+        episodes = "episode_index" in found.source.stream.columns
+        choose = "Choose an episode: where: {episode_index: 0} under files." if episodes else ""
+        raise DataError(
+            f"{found.source.name}: time runs backward, from {time[at]:.6g} to {time[at + 1]:.6g} s. "
+            f"{choose or 'Is it several recordings?'}"
+        )
+    return Series(time, values, found.source, held)
