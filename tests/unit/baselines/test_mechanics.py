@@ -7,14 +7,37 @@ import pytest
 import torch
 
 from flywheel.dynamics.baselines.engine import CONTACT, USUAL, EngineConfig, RigidBodyEngine
-from flywheel.dynamics.baselines.mechanics import Mechanics, RigidState
+from flywheel.dynamics.baselines.mechanics import ContactNumbers, Mechanics, RigidState
 from flywheel.dynamics.gnn.ground import flat_ground
 from flywheel.dynamics.plant import Plant
 from flywheel.records import Floats, State
-from flywheel.robots import ROBOTS, Cable, Robot, load_robot
+from flywheel.robots import ROBOTS, Cable, Robot, load_robot, read_robot
 from tests.physics.small_robots import HEIGHT, MASS, REST, STIFFNESS, hanging
 
 G, DT, RADIUS = 9.81, 0.002, 0.1
+ROD = """
+<mujoco model="rod">
+  <worldbody>
+    <geom type="plane" size="9 9 .1"/> <site name="hook" pos="0 0 5"/>
+    <body name="rod" pos="0 0 0.1" euler="0 90 0">
+      <freejoint/>
+      <geom type="cylinder" size="0.02 0.5" mass="1" contype="0" conaffinity="0"/>
+      <geom type="sphere" size="0.1" mass="1" pos="0 0 -0.5"/>
+      <geom type="sphere" size="0.1" mass="1" pos="0 0 0.5"/>
+      <site name="a" pos="0 0 -0.5"/> <site name="b" pos="0 0 0.5"/>
+    </body>
+  </worldbody>
+  <tendon> <spatial name="c"> <site site="hook"/> <site site="a"/> </spatial> </tendon>
+  <actuator>
+    <general name="w" tendon="c" dyntype="integrator" ctrllimited="true" ctrlrange="-1 1" actlimited="true"
+      actrange="0.2 9" gainprm="1" biastype="affine" biasprm="0 -1 0" forcelimited="true" forcerange="-9 0"/>
+  </actuator>
+  <sensor>
+    <framepos name="a" objtype="site" objname="a"/> <framepos name="b" objtype="site" objname="b"/>
+  </sensor>
+  <keyframe> <key qpos="0 0 0.1 0.7071067811865476 0 0.7071067811865476 0" act="9"/> </keyframe>
+</mujoco>
+"""
 SLACK = 2.5  # rest length that leaves the cable slack [m]
 
 
@@ -94,6 +117,75 @@ def test_a_step_removes_the_given_share_of_a_penetration() -> None:
     numbers = {"restitution": 0.0, "depth_share": 0.25}
     z = moved(replace(robot, cables=loose(robot)), 1, height=RADIUS - 0.02, **numbers)[:, 2]
     assert z[1] - RADIUS == pytest.approx(-0.75 * 0.02, abs=1e-12)
+
+
+def stepped(
+    robot: Robot, velocity: Floats, height: float, h: float, **contact: float
+) -> RigidState:
+    """The state after one step of a robot of one body at a height, moving and turning, without gravity."""
+    key = robot.keyframe
+    qpos = key.qpos[None].copy()
+    qpos[0, 2] = height
+    state = RigidState.of(robot, State(qpos, np.zeros((1, 6)), key.act[None]))
+    speeds = torch.tensor(velocity, dtype=torch.float64)[:, None, None]
+    state = RigidState(
+        state.centre,
+        state.axes,
+        speeds[:3] + h * torch.tensor([[[0.0]], [[0.0]], [[G]]]),
+        speeds[3:],
+    )
+    numbers = {name: contact.get(name, usual) for name, (_, usual, _) in CONTACT.items()}
+    tensors = {name: torch.tensor(value) for name, value in numbers.items()}
+    rest = torch.full((1, 1), 9.0, dtype=torch.float64)
+    return Mechanics(robot).step(state, rest, h, ContactNumbers(**tensors), flat_ground)
+
+
+def test_a_ball_gets_its_impulse_when_it_arrives() -> None:
+    h, robot = 0.01, hanging(z=RADIUS, rest=SLACK)
+    robot = replace(robot, cables=loose(robot))
+    numbers = {"restitution": 0.0, "sticking": 1.0, "friction": 1e6}
+    got = stepped(robot, np.array([1.0, 0, -2.0, 0, 0, 0]), RADIUS + 0.01, h, **numbers)
+    assert got.centre[2].item() == pytest.approx(RADIUS, abs=1e-9)
+    assert got.velocity[2].item() == pytest.approx(0.0, abs=1e-9)
+    # Half of the step it flew at 1 m/s, then it rolled at 5/7 of that.
+    assert got.centre[0].item() == pytest.approx((1.0 + 5 / 7) * h / 2, abs=1e-9)
+    turned = np.arccos((got.axes[:, 0, 0, 0] @ start_axes(robot)[:, 0, 0, 0]).item())
+    assert got.rate[1].item() == pytest.approx(5 / 7 / RADIUS, abs=1e-6)
+    assert turned == pytest.approx(5 / 7 / RADIUS * h / 2, rel=1e-3)
+
+
+def start_axes(robot: Robot) -> torch.Tensor:
+    key = robot.keyframe
+    return RigidState.of(robot, State(key.qpos[None], np.zeros((1, 6)), key.act[None])).axes
+
+
+@pytest.mark.parametrize(("rolling", "left"), [(0.0, 1.0), (0.25, 0.75), (1.0, 0.0)])
+def test_a_touching_rod_loses_a_share_of_its_spin(rolling, left) -> None:
+    robot, spin = read_robot(ROD), np.array([0, 0, -1e-9, 3.0, 0, 0])
+    numbers = {"friction": 1e-9, "rolling": rolling}
+    assert stepped(robot, spin, 0.1, 0.01, **numbers).rate[0].item() == pytest.approx(3.0 * left)
+    assert stepped(robot, spin, 0.3, 0.01, **numbers).rate[0].item() == pytest.approx(3.0)
+
+
+def test_a_rod_that_may_not_roll_stops_where_it_sticks() -> None:
+    robot, pushed = read_robot(ROD), np.array([0, 1.0, -1e-9, 0, 0, 0])
+    numbers = {"sticking": 1.0, "friction": 1e12}
+    held = stepped(robot, pushed, 0.1, 0.01, rolling=1.0, **numbers)
+
+    assert held.rate[0].item() == pytest.approx(0.0, abs=1e-9)
+    alone = stepped(robot, pushed, 0.1, 0.01, rolling=0.0, **numbers)
+    assert abs(held.velocity[1].item()) < abs(alone.velocity[1].item())
+    assert alone.rate[0].item() < -1.0
+
+
+def test_slack_cables_pull_nothing_and_passive_ones_still_damp() -> None:
+    robot = load_robot("prism3")
+    mechanics, rest = Mechanics(robot), torch.full((15, 1), 9.0, dtype=torch.float64)
+    still = RigidState.of(robot, Plant(robot).rest())
+    assert all(part.abs().max() == 0.0 for part in mechanics.cables.wrench(still, rest))
+    moving = RigidState(still.centre, still.axes, still.centre.clone(), still.rate)
+    force, _ = mechanics.cables.wrench(moving, rest)
+    assert force.abs().max() > 1.0
 
 
 def loose(robot: Robot) -> tuple[Cable, ...]:
