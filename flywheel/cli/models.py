@@ -180,6 +180,8 @@ def open_trained(spec: str, robot: Robot) -> TrainedModel:
         raise ConfigError(
             f"{what} is a plant, which is tested by --robot alone; a trained model is needed here."
         )
+    if what in BASELINES:
+        raise ConfigError(f"{what} is not fitted to anything; a trained model is needed here.")
     if what == SHIPPED:
         return TrainedModel.read(name, shipped_weights(robot), robot)
     if (path / "config.yaml").exists():

@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 from flywheel.cli.driving.driver import network_of
 from flywheel.cli.main import app
-from flywheel.cli.models import open_model
+from flywheel.cli.models import open_model, open_trained
 from flywheel.data.recordings import write_recording
 from flywheel.dynamics.baselines import LinearDynamics, Persistence
 from flywheel.dynamics.baselines.engine import RigidBodyEngine
@@ -92,6 +92,11 @@ def test_a_baseline_is_a_model_by_its_name(name):
     assert type(dynamics) is type(subject.dynamics) and digest == ""
     if name == "persistence":
         assert isinstance(dynamics, Persistence)
+
+
+def test_where_a_trained_model_is_needed_a_name_is_refused():
+    with pytest.raises(ConfigError, match="not fitted"):
+        open_trained("tdpe", PRISM)
 
 
 def test_the_list_shows_the_baselines():
