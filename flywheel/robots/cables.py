@@ -96,6 +96,11 @@ def _bend(model: mujoco.MjModel, tendon: int) -> str:
     return ""
 
 
+def curved(model: mujoco.MjModel, tendon: int) -> bool:
+    """True for a tendon whose stiffness or damping is a polynomial."""
+    return bool(model.tendon_stiffnesspoly[tendon].any() or model.tendon_dampingpoly[tendon].any())
+
+
 def _driven(model: mujoco.MjModel) -> dict[int, int]:
     """Tendons on which there is an actuator that a control drives, and that actuator."""
     on_tendon = model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON
@@ -157,8 +162,17 @@ class _Tendons:
             'gainprm "0", biastype "affine", biasprm "k*L -k -c" and forcerange "-F 0".',
         )
 
+    def _refuse_curved(self, tendon: int) -> None:
+        if curved(self.model, tendon):
+            raise Alike(
+                "tendon",
+                called(self.model, "tendon", tendon),
+                "{} must have a stiffness and a damping of one number each; polynomials are effects.",
+            )
+
     def _ends(self, tendon: int) -> tuple[Attachment, Attachment]:
         model = self.model
+        self._refuse_curved(tendon)
         if model.tendon_limited[tendon] and model.tendon_range[tendon, 0] > 0:
             raise Alike(
                 "tendon",

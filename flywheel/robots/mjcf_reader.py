@@ -34,7 +34,7 @@ from flywheel.robots.mjcf_numbers import check_numbers
 from flywheel.robots.mjcf_source import compiled, read_mjcf, without_keyframes
 from flywheel.robots.mujoco_warnings import collected_warnings
 from flywheel.robots.parts import Body, Cable, TrackedPoint, Winch
-from flywheel.robots.problems import Problems
+from flywheel.robots.problems import Problems, called
 from flywheel.robots.robot import Robot
 from flywheel.robots.winches import read_winches
 
@@ -121,7 +121,7 @@ def _parts(
       RobotError: something else is wrong; both say everything that is.
     """
     problems = Problems()
-    for structure in (_refuse_immovable, refuse_without_cables, refuse_bent):
+    for structure in (_refuse_immovable, _refuse_moved, refuse_without_cables, refuse_bent):
         problems.attempt(partial(structure, model))
     _check_numbers(problems, root, model)
     problems.attempt(partial(_refuse_tilted, model))
@@ -300,6 +300,17 @@ def _refuse_immovable(model: mujoco.MjModel) -> None:
         names = [repr(model.body(i).name) for i in range(1, model.nbody) if model.body(i).name]
         whom = f"give {', '.join(names)} a <freejoint/>" if names else "give one a <freejoint/>"
         raise RobotError(f"No body moves: {whom}.")
+
+
+def _refuse_moved(model: mujoco.MjModel) -> None:
+    moved = [
+        called(model, "body", body) for body in np.flatnonzero(model.body_mocapid >= 0).tolist()
+    ]
+    if moved:
+        raise RobotError(
+            f"The MJCF has mocap bodies ({', '.join(moved)}), which something else moves; leave them out, or "
+            'write mocap="false".'
+        )
 
 
 def _refuse_keyless(model: mujoco.MjModel, misfit: MjcfError | None) -> None:

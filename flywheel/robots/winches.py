@@ -109,6 +109,18 @@ def _refuse_unfit(model: mujoco.MjModel, driving: list[int]) -> None:
     problems.check()
 
 
+def _no_winch(model: mujoco.MjModel, actuator: int) -> str:
+    """The requirement without which an actuator is no winch at all, after "must"; "" if it is met."""
+    if model.actuator_trntype[actuator] != mujoco.mjtTrn.mjTRN_TENDON:
+        return "drive a tendon (or have gainprm 0, if it is passive)"
+    if model.actuator_biasprm[actuator, 1] >= 0:
+        return (
+            'have a stiffness k, by biastype "affine" and biasprm "0 -k -c": forces and tensions cannot be '
+            "commanded"
+        )
+    return ""
+
+
 def _unmet(model: mujoco.MjModel, actuator: int) -> list[str]:
     """Unmet requirements on a winch's actuator, each after "must"."""
     gain = model.actuator_gainprm[actuator, 0]
@@ -116,15 +128,15 @@ def _unmet(model: mujoco.MjModel, actuator: int) -> list[str]:
     force = model.actuator_forcerange[actuator]
     kind = int(model.actuator_dyntype[actuator])
     limits, control = model.actuator_actrange[actuator], model.actuator_ctrlrange[actuator]
-    on_tendon = model.actuator_trntype[actuator] == mujoco.mjtTrn.mjTRN_TENDON
+    if reason := _no_winch(model, actuator):
+        return [reason]
     fixed = model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_FIXED
     affine = model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_AFFINE
     needs = [
-        (on_tendon, "drive a tendon (or have gainprm 0, if it is passive)"),
         (
             kind in KINDS,
             'have dyntype "integrator" (takes the rate of a rest length) or "filterexact" (takes a rest '
-            "length, as a <position> with timeconst does); forces and tensions cannot be commanded",
+            "length, as a <position> with timeconst does)",
         ),
         (fixed and gain > 0, 'have gaintype "fixed" and gainprm k > 0, the stiffness [N/m]'),
         (

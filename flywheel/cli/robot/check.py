@@ -130,7 +130,7 @@ def _show_problems(out: Out, mjcf: str, adapted: Adapted) -> None:
     if not adapted.left:
         out.say(f"All of them are mended by: {command}", style="bold")
     elif any(adapted.mended.values()):
-        out.say(f"By hand: {len(adapted.left)}, those without an arrow. The others: {command}")
+        out.say(f"To be mended by hand: {len(adapted.left)}. The others are mended by: {command}")
 
 
 def _is_file(mjcf: str) -> bool:

@@ -18,6 +18,7 @@ from flywheel.robots.mjcf_source import compiled, parsed, read_mjcf, without_key
 from flywheel.robots.problems import problems_of
 
 Element = ElementTree.Element
+SHORTCUTS = ("kp", "kv", "dampratio", "timeconst", "inheritrange")  # that <general> does not have
 SECTIONS = {"tendon": "tendon", "actuator": "actuator", "sensor": "sensor", "key": "keyframe"}
 
 
@@ -197,11 +198,10 @@ def at_start(model: mujoco.MjModel) -> mujoco.MjData:
 def general(draft: Draft, model: mujoco.MjModel, actuator: int, **changes: str) -> None:
     """Write an actuator as a <general> with all its numbers, as in a model but for some changes."""
     element = draft.named("actuator", model.actuator(actuator).name)
-    kept = {key: element.get(key) for key in ("name", "class", "group", "tendon", "user")}
     element.tag = "general"
-    element.attrib.clear()
-    element.attrib.update({key: value for key, value in kept.items() if value is not None})
-    element.attrib.update(_numbers(model, actuator) | changes)
+    for key in SHORTCUTS:
+        element.attrib.pop(key, None)
+    element.attrib |= _numbers(model, actuator) | changes
 
 
 def _numbers(model: mujoco.MjModel, actuator: int) -> dict[str, str]:

@@ -82,6 +82,8 @@ def _without_skins(draft: Draft) -> Iterator[str]:
     parents = draft.parents()
     for skin in list(draft.root.iter("skin")):
         parents[skin].remove(skin)
+        if not len(parents[skin]):
+            draft.remove(parents[skin])
         yield f"no skin {skin.get('name', '')!r}"
 
 

@@ -18,6 +18,7 @@ from flywheel.robots.adapt.draft import (
     fresh_name,
 )
 from flywheel.robots.adapt.ranges import DURATION, SHORTEST
+from flywheel.robots.cables import curved
 
 LAG = 0.1  # of a winch that takes positions [s]
 
@@ -37,7 +38,7 @@ def made_winches(draft: Draft) -> Iterator[Change]:
     passive = {
         model.tendon(i).name: i
         for i in range(model.ntendon)
-        if i not in driven and model.tendon_stiffness[i] > 0
+        if i not in driven and model.tendon_stiffness[i] > 0 and not curved(model, i)
     }
     for pattern in patterns:
         if not any(fnmatchcase(name, pattern) for name in passive):

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import mujoco
 import numpy as np
 
+from flywheel.errors import RobotError
 from flywheel.records import Floats
 from flywheel.robots.adapt.draft import Certainty, Scale, actuators, at_start
 from flywheel.robots.mjcf_reader import MOST_CONTACTS
@@ -69,6 +70,19 @@ def apart(
 def certainty_of(distance: float) -> Certainty:
     """Equivalent if two robots stay together, else to be confirmed."""
     return Certainty.EQUIVALENT if distance <= ALIKE else Certainty.GUESS
+
+
+def refuse_apart(distance: float, edits: Iterable[str]) -> None:
+    """Refuse changes that are exact, if two robots do not stay together all the same.
+
+    Raises:
+      RobotError: there is something in the MJCF that the changes do not know of.
+    """
+    if np.isfinite(distance) and distance > ALIKE:
+        raise RobotError(
+            f"The MJCF moves otherwise after what should change nothing ({'; '.join(edits)}): "
+            f"{distance:.1g} m apart after {SECONDS:g} s. Write the winches by hand."
+        )
 
 
 def evidence_of(distance: float) -> str:

@@ -28,7 +28,7 @@ from flywheel.robots.adapt.draft import (
     general,
     told_names,
 )
-from flywheel.robots.adapt.proof import apart, certainty_of, evidence_of
+from flywheel.robots.adapt.proof import apart, certainty_of, evidence_of, refuse_apart
 
 NONE, FILTER, EXACT, INTEGRATOR = (
     int(getattr(mujoco.mjtDyn, f"mjDYN_{kind}"))
@@ -177,6 +177,7 @@ def as_winches(draft: Draft) -> Iterator[Change]:
         return
     keys.write(draft)
     distance = apart(before, draft.model, scales)
+    refuse_apart(distance, edits)
     reason = "The same tensions, written as a stiffness times the stretch beyond a rest length."
     yield Change(tuple(edits), reason, certainty_of(distance), evidence_of(distance))
 

@@ -13,7 +13,7 @@ from flywheel.robots.adapt.draft import (
     digits,
     fresh_name,
 )
-from flywheel.robots.adapt.proof import apart, certainty_of, evidence_of
+from flywheel.robots.adapt.proof import apart, certainty_of, evidence_of, refuse_apart
 
 
 def pull_only(draft: Draft) -> Iterator[Change]:
@@ -61,6 +61,7 @@ def beside_winches(draft: Draft) -> Iterator[Change]:
         edits.append(f"the tendon {spring.get('name')!r} with the spring of {name!r}")
     if edits:
         distance = apart(before, draft.model, {})
+        refuse_apart(distance, edits)
         reason = (
             "A winched cable's stiffness is its winch's; the spring beside it is another cable."
         )

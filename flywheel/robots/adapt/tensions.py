@@ -17,6 +17,7 @@ import mujoco
 from flywheel.robots.adapt.draft import Change, Draft, Keys, Scale, actuators, digits, general
 from flywheel.robots.adapt.proof import apart, certainty_of, evidence_of
 from flywheel.robots.adapt.servos import commands, dynamics, scaled
+from flywheel.robots.cables import curved
 
 
 def tensions(draft: Draft) -> Iterator[Change]:
@@ -77,7 +78,14 @@ class _Sprung(NamedTuple):
         )
         constant, per_length, per_speed = map(float, model.actuator_biasprm[actuator, :3])
         rates = model.actuator_dyntype[actuator] == mujoco.mjtDyn.mjDYN_INTEGRATOR
-        if spring <= 0 or low not in (0.0, rest) or per_length > 0 or per_speed > 0 or rates:
+        if (
+            spring <= 0
+            or curved(model, tendon)
+            or low not in (0.0, rest)
+            or per_length > 0
+            or per_speed > 0
+            or rates
+        ):
             return None
         if per_length < 0 and not _below_zero(model, actuator):
             return None

@@ -11,7 +11,7 @@ import numpy as np
 
 from flywheel.records import Floats
 from flywheel.robots.adapt.draft import Change, Draft, digits
-from flywheel.robots.adapt.proof import apart, certainty_of, evidence_of
+from flywheel.robots.adapt.proof import apart, certainty_of, evidence_of, refuse_apart
 from flywheel.robots.mjcf_reader import UPRIGHT, gravity_of
 
 ALONG = {  # unit quaternions that turn an axis upwards, by the axis along which gravity is not
@@ -54,6 +54,7 @@ def upright(draft: Draft) -> Iterator[Change]:
         f'<frame quat="{digits(*turn)}"> around the world, gravity and keyframes turned with it',
     )
     reason = f"{name} was up; recordings, grounds and tasks have z up."
+    refuse_apart(distance, edits)
     evidence = f"Without contacts: {evidence_of(distance)}"
     yield Change(edits, reason, certainty_of(distance), evidence)
 

@@ -38,7 +38,7 @@ def test_the_check_tells_what_is_left_to_be_done_by_hand(tmp_path):
     path = lab_files.tension_motors(tmp_path)
     told = run(app, ["robot", "check", str(path)])
     assert told.exit_code == 1
-    assert "By hand: 4, those without an arrow. The others: flywheel robot adapt" in told.output
+    assert "To be mended by hand: 2. The others are mended by: flywheel robot adapt" in told.output
 
 
 def test_nothing_is_written_in_a_dry_run_or_where_nobody_can_be_asked(mjcf, tmp_path):

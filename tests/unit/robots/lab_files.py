@@ -452,8 +452,8 @@ REFUSED = {
     hinged_leg: "It has the joints 'hip' (hinge, of the body 'thigh'), 'knee' (hinge, of the body 'shin')",
     routed_trunk: "The tendon 'tendon_1' must be straight between exactly two sites",
     muscles: "The MJCF has a muscle",
-    tension_motors: "The actuators 'm0', 'm1', 'm2', 'm3' must have dyntype",
-    two_motors_on_a_spring: "The actuators 'b0b1', 'b1b2' must have dyntype",
+    tension_motors: "The actuators 'm0', 'm1', 'm2', 'm3' must have a stiffness k",
+    two_motors_on_a_spring: "The actuators 'b0b1', 'b1b2' must have a stiffness k",
     ropes: "The MJCF has no winch",
     on_a_slope: "The MJCF has gravity along a slanting line",
 }

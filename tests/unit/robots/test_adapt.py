@@ -139,6 +139,27 @@ def test_keyframes_keep_their_meaning(tmp_path):
     assert model.key_act[0] == pytest.approx(1.62) and model.key_ctrl[0] == pytest.approx(1.62)
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('gear=".02"', 'gear=".02" delay=".01" nsample="10"', "has a state beyond positions"),
+        ('kp="9e6"', 'kp="9e6" class="own"', "moves otherwise after what should change nothing"),
+    ],
+)
+def test_what_an_actuator_has_beside_its_stiffness_is_not_lost(old, new, words, tmp_path):
+    path = lab_files.platform_with_drums(tmp_path)
+    own = '<default><default class="own"><general damping="7"/></default></default><worldbody>'
+    text = path.read_text().replace(old, new).replace("<worldbody>", own)
+    result = adapt(lab_files.written(tmp_path, text))
+    assert words in result.left[0]
+
+
+def test_springs_of_polynomials_become_no_winches(tmp_path):
+    path = lab_files.crossed_bars(tmp_path)
+    lab_files.written(tmp_path, path.read_text().replace('stiffness="500"', 'stiffness="500 20"'))
+    assert "matches no passive cable" in adapt(path, Options(winches=("*",))).left[0]
+
+
 def test_two_actuators_on_a_cable_become_one(tmp_path):
     result = adapted(lab_files.platform_of_stiff_and_damping_servos, tmp_path)
     assert "kv0" not in result.xml

@@ -154,7 +154,22 @@ def test_the_example_itself_is_accepted() -> None:
         ),
         ([('biasprm="0 -500 -5"', 'biasprm="0 -5 -5"')], 'gainprm 500 and biasprm "0 -5 -5"'),
         ([('dyntype="integrator"', 'dyntype="filter" dynprm=".1"')], "'reel' must have dyntype"),
-        ([('tendon="cord"', 'site="shade"')], "'reel' must drive a tendon"),
+        (
+            [('tendon="cord"', 'site="shade"')],
+            r"1\. The actuator 'reel' must drive a tendon.*\n2\. Nothing pulls the tendon 'cord'",
+        ),
+        (
+            [('biasprm="0 -500 -5"', 'biasprm="0 0 -5"')],
+            "^The actuator 'reel' must have a stiffness[^\n]*$",
+        ),
+        (
+            [('stiffness="20"', 'stiffness="20 3"')],
+            "'stay' must have a stiffness and a damping of one number",
+        ),
+        (
+            [("<freejoint/>", ""), ("<body ", '<body mocap="true" ')],
+            r"mocap bodies \('shade'\)",
+        ),
         ([('tendon="cord"', 'tendon="cord" gear="2"')], "'reel' must have gear 1"),
         ([('gainprm="500"', 'gainprm="0"')], "no winch"),
         (
@@ -322,7 +337,7 @@ def test_all_wrong_numbers_and_all_other_files_are_told_at_once() -> None:
 def test_a_cable_with_two_actuators_is_told_beside_what_they_lack() -> None:
     second = '<velocity name="damper" tendon="cord" kv="3"/></actuator>'
     found = problems(edited(("</actuator>", second)))
-    assert "'damper' must have dyntype" in found[0]
+    assert "'damper' must have a stiffness" in found[0]
     assert any("'cord' is driven by 'reel' and 'damper'" in each for each in found)
 
 
