@@ -16,7 +16,7 @@ from rich.markup import escape
 
 from flywheel.cli.console import Out, console, table
 from flywheel.cli.options import DtOption
-from flywheel.outputs import check_folder, printable
+from flywheel.outputs import check_folder, printable, write_output
 
 if TYPE_CHECKING:
     from flywheel.data import TrajectoryStore
@@ -108,6 +108,36 @@ def import_(
     if place is not None:
         outcomes = [_stored(place, one, read) for one in found]
     _show_imported(found, outcomes, as_json)
+
+
+@app.command()
+def guess(
+    logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="Files of one recording.")],
+    robot: Annotated[str, typer.Option(help="Your .xml, or a shipped robot's name.")],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="New file; printed if missing.")
+    ] = None,
+) -> None:
+    """Write a draft of the map of a recording, to be read and completed.
+
+    Names are taken from the files, winches also from what the cables do.
+
+    [bold]Example[/bold]
+
+    flywheel recordings guess take.csv motors.txt --robot my.xml --output monday.yaml
+    """
+    from flywheel.data.recordings import guess as guessed
+    from flywheel.errors import DataError
+    from flywheel.robots import load_robot
+
+    if output is not None and output.exists():
+        raise DataError(f"The file {output} exists already; it is not overwritten.")
+    text = guessed(logs, load_robot(robot), Path() if output is None else output.parent)
+    if output is None:
+        typer.echo(text, nl=False)
+        return
+    write_output(output, text)
+    console().say(f"{output}: a draft; read its remarks, complete it, and import it with --map.")
 
 
 @app.command()

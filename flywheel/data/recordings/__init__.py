@@ -1,5 +1,6 @@
 """Logs of real robots: CSV files that become episodes, and back."""
 
+from flywheel.data.recordings.guessing import guess
 from flywheel.data.recordings.mapping import RecordingMap, Units, read_map
 from flywheel.data.recordings.reading import Imported, read_recording
 from flywheel.data.recordings.report import Finding, ImportReport, counted
@@ -15,6 +16,7 @@ __all__ = [
     "Told",
     "Units",
     "counted",
+    "guess",
     "read_map",
     "read_recording",
     "store_recording",

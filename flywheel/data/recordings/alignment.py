@@ -106,12 +106,20 @@ def _witnesses(
         raise DataError(
             f"align: auto needs {SHORTEST:g} s in which all points are seen: give offset."
         )
-    lengths = np.full((len(time), len(robot.cables)), np.nan)
-    lengths[seen] = lengths_between(points[seen], robot)
+    lengths = seen_lengths(points, robot)
     made = [Witness(each, lengths[:, each.cable]) for each in movers]
     if not any(np.ptp(each.made) for each in movers):
         raise DataError("align: auto needs a winch that moves: give offset.")
     return time, made
+
+
+def seen_lengths(points: Floats, robot: Robot) -> Floats:
+    """(N, C) lengths of the cables between points (N, P, 3) [m]; NaN in rows that lack a point."""
+    seen = np.isfinite(points).all(axis=(1, 2))
+    lengths = np.full((len(points), len(robot.cables)), np.nan)
+    if seen.any():
+        lengths[seen] = lengths_between(points[seen], robot)
+    return lengths
 
 
 def _busiest(witnesses: Sequence[Witness]) -> tuple[float, float]:
@@ -136,7 +144,7 @@ def _first_offset(grid: Floats, witnesses: Sequence[Witness], begin: float, end:
     Raises:
       DataError: there is none, or not only one.
     """
-    fits, offsets = _likeness(grid, witnesses, begin, end)
+    fits, offsets = likeness(grid, witnesses, begin, end)
     best = int(fits.argmax())
     if not fits[best] >= ALIKE:
         turned = (
@@ -157,7 +165,7 @@ def _first_offset(grid: Floats, witnesses: Sequence[Witness], begin: float, end:
     return float(offsets[best])
 
 
-def _likeness(
+def likeness(
     grid: Floats, witnesses: Sequence[Witness], begin: float, end: float
 ) -> tuple[Floats, Floats]:
     """Correlations of changes at offsets by steps, and the offsets [s]; -1 with too little overlap."""

@@ -1,0 +1,346 @@
+"""A draft of the map of a recording: names of its files, and what the cables tell of the winches."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from pathlib import Path
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from flywheel.data.recordings.alignment import Mover, Witness, likeness, seen_lengths
+from flywheel.data.recordings.channels import points_of
+from flywheel.data.recordings.formats import QUATERNION, LogFile, Stream, open_log
+from flywheel.data.recordings.geometry import pairs, usual_distances
+from flywheel.data.recordings.lookup import TIME_NAMES, Sheets
+from flywheel.data.recordings.mapping import RecordingMap
+from flywheel.data.recordings.series import Clock
+from flywheel.data.recordings.sources import HOLD, LENGTHS, TIMES
+from flywheel.errors import ConfigError, DataError
+from flywheel.files import yaml_text
+from flywheel.records import Floats
+from flywheel.robots import Robot
+from flywheel.validation import validated
+
+PERIODS = (1e-4, 0.5)  # usual times between rows [s]
+EVEN = 0.2  # share by which the steps of a column of times differ
+UNIT = 0.1  # share by which distances may be off the MJCF's
+ALIKE = 0.7  # correlation from which a column is that of a winch
+MOST = 60  # columns that are compared with the cables
+Y_UP = {"x": "x", "y": "-z", "z": "y"}
+
+
+@dataclass
+class Draft:
+    """Parts of a map, and remarks about its values by their places."""
+
+    values: dict[str, object] = field(default_factory=dict)
+    remarks: list[str] = field(default_factory=list)
+
+    def how(self) -> RecordingMap:
+        """The map so far."""
+        return validated(RecordingMap, self.values, "the draft of the map", ConfigError)
+
+    def text(self) -> str:
+        """YAML, with its remarks before it."""
+        return "".join(f"# {each}\n" for each in self.remarks) + yaml_text(self.values)
+
+
+def guess(paths: Sequence[Path], robot: Robot, folder: Path) -> str:
+    """A draft of the map of a recording, in YAML, with remarks about what is guessed or missing.
+
+    Args:
+      paths: of its files.
+      robot: of the recording.
+      folder: that the map's paths shall be relative to.
+
+    Raises:
+      DataError: a file cannot be read, or none has points.
+    """
+    files = [(path, open_log(path)) for path in paths]
+    files.sort(key=lambda each: -len(_markers(each[1])))
+    draft = Draft()
+    draft.values["files"] = [_entry(path, file, folder, draft) for path, file in files]
+    known = _markers(files[0][1])
+    _add_points(draft, known, files[0][1], robot)
+    points = _placed(draft, folder, robot, files[0][1])
+    _add_commands(draft, folder, points, robot)
+    return draft.text()
+
+
+def _markers(file: LogFile) -> list[str]:
+    """Names of what has three coordinates."""
+    names = [name for stream in file.streams for name in stream.columns]
+    there = set(names)
+    found = []
+    for end, others in ((".x", (".y", ".z")), ("_x", ("_y", "_z")), ("[0]", ("[1]", "[2]"))):
+        for name in names:
+            base = name.removesuffix(end)
+            if (
+                name.endswith(end)
+                and {base + other for other in others} <= there
+                and base + "[3]" not in there
+            ):
+                found.append(base)
+    return found
+
+
+def _entry(path: Path, file: LogFile, folder: Path, draft: Draft) -> dict[str, object]:
+    """The entry of a file, with its times."""
+    entry: dict[str, object] = {"path": os.path.relpath(path, folder)}
+    timeless = [stream for stream in file.streams if stream.time is None and not stream.stamps]
+    if not timeless:
+        return entry
+    columns = list(timeless[0].columns)
+    if file.title == "table" and columns[0] == "column 1":
+        entry["columns"] = [f"c{i}" for i in range(1, 1 + len(columns) + len(timeless[0].texts))]
+        draft.remarks.append(f"{file.name} has no header: c1, c2, ... are its columns; name them")
+    names = [name for stream in timeless if (name := _time_of(stream)) is not None]
+    if not names:
+        entry["rate"] = 100
+        draft.remarks.append(f"{file.name} has no column of times: its rate [Hz] is to fill in")
+        return entry
+    values = next(stream.columns[names[0]] for stream in timeless if names[0] in stream.columns)
+    step = float(np.nanmedian(np.diff(values)))
+    fitting = [
+        u for u, factor in TIMES.items() if PERIODS[0] <= step * factor <= PERIODS[1] and u != "h"
+    ]
+    renamed = [f"c{columns.index(n) + 1}" if "columns" in entry else n for n in names]
+    entry["time"] = renamed[0] if len(renamed) == 1 else renamed
+    if fitting and fitting[0] != "s":
+        entry["unit"] = fitting[0]
+    if len(fitting) != 1 or fitting[0] != "s":
+        draft.remarks.append(
+            f"{file.name}: steps of {names[0]!r} are {step:g}; its unit is guessed"
+        )
+    return entry
+
+
+def _time_of(stream: Stream) -> str | None:
+    """The column that is most likely the time."""
+
+    def rises(name: str) -> bool:
+        steps = np.diff(stream.columns[name])
+        return bool(len(steps) and (steps > 0).all())
+
+    named = [
+        n for n in stream.columns if n.lower() in TIME_NAMES or re.search(r"time|stamp", n.lower())
+    ]
+    for name in [*named, *stream.columns]:
+        if rises(name):
+            steps = np.diff(stream.columns[name])
+            if name in named or np.ptp(np.percentile(steps, [25, 75])) <= EVEN * np.median(steps):
+                return name
+    return None
+
+
+def _add_points(draft: Draft, known: Sequence[str], file: LogFile, robot: Robot) -> None:
+    """Markers by their names, or in their order, and poses of bodies where there are no markers."""
+    names = [point.name for point in robot.points]
+    found = _by_name(names, known)
+    columns = {name for stream in file.streams for name in stream.columns}
+    turned = [name for name in known if f"{name}{QUATERNION[0]}" in columns]
+    bodies = _by_name([body.name for body in robot.bodies], turned)
+    if len(turned) == len(robot.bodies) == 1 and not bodies:
+        bodies = {robot.bodies[0].name: turned[0]}
+    if len(found) < len(names) and len(bodies) == len(robot.bodies):
+        draft.values["poses"] = bodies
+        draft.remarks.append("poses are those of the MJCF's bodies if at and turned are right")
+        return
+    plain = [name for name in known if name not in turned and not name.endswith("(solved)")]
+    if len(found) < len(names):
+        plain = _alike(plain, len(names))
+    if len(found) < len(names) == len(plain):
+        found = dict(zip(names, plain, strict=True))
+        draft.remarks.append("markers are in the order of the file: their names tell nothing")
+    draft.values["markers"] = {name: found.get(name) for name in names}
+    missing = [name for name in names if name not in found]
+    if missing:
+        draft.remarks.append(
+            f"markers of {', '.join(missing)} are to fill in; there are: {', '.join(plain[:40])}"
+        )
+
+
+def _alike(names: list[str], count: int) -> list[str]:
+    """So many of the names that only differ in an index at their end, `m[0]`, `m[1]`; else all."""
+    groups: dict[str, list[str]] = {}
+    for name in names:
+        groups.setdefault(re.sub(r"\[\d+\]$", "", name), []).append(name)
+    fitting = [group for group in groups.values() if len(group) == count]
+    return fitting[0] if len(fitting) == 1 else names
+
+
+def _by_name(names: Sequence[str], known: Sequence[str]) -> dict[str, str]:
+    """Ours -> theirs, where a name is the same but for case, signs and what stands before it."""
+    plain = {_plain(name): name for name in reversed(known)}
+    last = {_plain(re.split(r"[:./ ]", name)[-1]): name for name in reversed(known)}
+    found: dict[str, str] = {}
+    for name in names:
+        their = plain.get(_plain(name)) or last.get(_plain(name))
+        if their is None:
+            near = get_close_matches(_plain(name), list(last), n=1, cutoff=0.8)
+            their = last[near[0]] if near else None
+        if their is not None and their not in found.values():
+            found[name] = their
+    return found
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[^a-z0-9]", "", name.lower().removeprefix("ctrl."))
+
+
+def _placed(
+    draft: Draft, folder: Path, robot: Robot, file: LogFile
+) -> tuple[Floats, Floats] | None:
+    """Times (N,) and positions (N, P, 3) by the draft, which gets unit and axes; None without all points."""
+    try:
+        points = _positions(draft, folder, robot)
+    except DataError as error:
+        if "unit of its positions" not in str(error):
+            return None
+        draft.values["units"] = {"points": "m"}
+        points = _positions(draft, folder, robot)
+    if points is None:
+        return None
+    rods = pairs(robot)
+    ratios = (
+        usual_distances(points[1], rods) / [rod.distance for rod in rods]
+        if rods
+        else np.array([1.0])
+    )
+    ratio = float(np.nanmedian(ratios)) if np.isfinite(ratios).any() else 1.0
+    for unit, factor in LENGTHS.items():
+        if unit != "m" and abs(ratio * factor - 1) < UNIT:
+            draft.values["units"] = {"points": unit}
+            draft.remarks.append(f"the unit of the points, {unit}, is that of the MJCF's distances")
+    if rods and abs(ratio * LENGTHS[str(_units(draft).get("points", "m"))] - 1) > UNIT:
+        draft.remarks.append(
+            f"distances on bodies are {ratio:.3g} times the MJCF's: are these its markers?"
+        )
+    _add_axes(draft, points[1], robot, file)
+    return _positions(draft, folder, robot)
+
+
+def _units(draft: Draft) -> dict[str, object]:
+    found = draft.values.get("units", {})
+    return found if isinstance(found, dict) else {}
+
+
+def _positions(draft: Draft, folder: Path, robot: Robot) -> tuple[Floats, Floats] | None:
+    how = draft.how()
+    sheets = Sheets(folder, how, how.files[:1])
+    series, _ = points_of(sheets, [Clock(0.0, 1.0)], robot, how)
+    known = [each for each in series if each is not None]
+    if len(known) < len(series):
+        return None
+    return known[0].time, np.stack([each.values for each in known], axis=1)
+
+
+def _add_axes(draft: Draft, points: Floats, robot: Robot, file: LogFile) -> None:
+    """Axes with y up, where heights of the points fit the keyframe's better than with z up."""
+    if not robot.free:
+        return
+    wanted = robot.points_of(robot.keyframe)[:, 2]
+    usual = np.nanmedian(points, axis=0)
+
+    def off(axis: int) -> float:
+        beyond = usual[:, axis] - wanted
+        return float(
+            np.std(beyond) + (abs(beyond.mean()) if robot.grounded or robot.tethered else 0.0)
+        )
+
+    if off(1) < off(2):
+        draft.values["axes"] = Y_UP
+        draft.remarks.append("axes are guessed: heights fit with y up; compare with your tracker's")
+
+
+def _add_commands(
+    draft: Draft, folder: Path, points: tuple[Floats, Floats] | None, robot: Robot
+) -> None:
+    """Columns of the winches by their names, else by what the cables do."""
+    how = draft.how()
+    sheets = Sheets(folder, how, how.files)
+    used = {f"{n}{end}" for n in sheets.markers() for end in (".x", ".y", ".z", *QUATERNION)}
+    columns = [n for n in sheets.names() if n not in used and n.lower() not in TIME_NAMES]
+    columns = [n for n in columns if n not in _times(how) and not n.lower().startswith("frame")]
+    winches = [winch.name for winch in robot.winches]
+    found: dict[str, object] = dict(_by_name(winches, columns))
+    if len(found) < len(winches) and points is not None and robot.free:
+        found = _by_cables(sheets, columns, points, robot, draft)
+    for name in winches:
+        found.setdefault(name, HOLD)
+    missing = [name for name in winches if found[name] == HOLD]
+    if missing:
+        draft.remarks.append(
+            f"commands of {', '.join(missing)} are to fill in ({HOLD}: never moved); there are: "
+            f"{', '.join(columns[:40])}"
+        )
+    draft.values["commands"] = {
+        winch.name: {"from": found[winch.name], "unit": "m"}
+        if winch.kind == "position" and found[winch.name] != HOLD
+        else found[winch.name]
+        for winch in robot.winches
+    }
+    draft.remarks.append(
+        "commands are taken for m/s, those of positions for m: compare with the log's units"
+    )
+    sensors = {winch.sensor: winch.name for winch in robot.winches if winch.sensor}
+    if measured := _by_name(list(sensors), columns):
+        draft.values["winches"] = {sensors[name]: their for name, their in measured.items()}
+        draft.remarks.append("positions of winches are taken for m")
+    if len({each.file for each in sheets.sources}) > 1:
+        draft.remarks.append(
+            "a file with a clock of its own needs align: auto, or offset (seconds)"
+        )
+
+
+def _times(how: RecordingMap) -> set[str]:
+    named = [entry.time if isinstance(entry.time, tuple) else (entry.time,) for entry in how.files]
+    return {name for each in named for name in each}
+
+
+def _by_cables(
+    sheets: Sheets,
+    columns: Sequence[str],
+    points: tuple[Floats, Floats],
+    robot: Robot,
+    draft: Draft,
+) -> dict[str, object]:
+    """Winch -> the column that changes, or whose sum changes, as its cable does."""
+    time, places = points
+    lengths = seen_lengths(places, robot)
+    chosen = list(columns)[:MOST]
+    fits = np.zeros((len(robot.winches), len(chosen)))
+    for j, name in enumerate(chosen):
+        found = sheets.columns([name])
+        if found is None or not np.isfinite(found.values).all() or np.ptp(found.values) == 0:
+            continue
+        when, values = found.source.time, found.values[:, 0]
+        for i, winch in enumerate(robot.winches):
+            made = values
+            if winch.kind == "rate":
+                made = np.concatenate([[0.0], np.cumsum(values[:-1] * np.diff(when))])
+            fits[i, j] = _best(time, lengths[:, winch.cables[0]], when, made)
+    rows, picked = linear_sum_assignment(-np.abs(fits))
+    found_: dict[str, object] = {}
+    for i, j in zip(rows.tolist(), picked.tolist(), strict=True):
+        if abs(fits[i, j]) > ALIKE:
+            found_[robot.winches[i].name] = ("-" if fits[i, j] < 0 else "") + chosen[j]
+    if found_:
+        told = ", ".join(
+            f"{w} {abs(fits[i, j]):.2f}" for w, i, j in zip(found_, rows, picked, strict=False)
+        )
+        draft.remarks.append(f"commands are guessed by what the cables do (correlation: {told})")
+    return found_
+
+
+def _best(time: Floats, lengths: Floats, when: Floats, made: Floats) -> float:
+    """The correlation of the changes of a cable with those of a column at the offset where it is largest."""
+    witness = Witness(Mover(0, when, made), lengths)
+    fits, _ = likeness(time, [witness], float(when[0]), float(when[-1]))
+    fits = fits[np.isfinite(fits) & (fits > -1)]
+    return float(fits[np.abs(fits).argmax()]) if len(fits) else 0.0
