@@ -15,6 +15,7 @@ from flywheel.errors import RobotError
 from flywheel.robots.adapt.draft import Change, Draft, Options
 from flywheel.robots.adapt.files import includes, pictures
 from flywheel.robots.adapt.made_winches import made_winches
+from flywheel.robots.adapt.meshes import meshes
 from flywheel.robots.adapt.names import names
 from flywheel.robots.adapt.old_words import old_words
 from flywheel.robots.adapt.points import points
@@ -31,6 +32,7 @@ from flywheel.robots.problems import problems_of
 OF_TEXT: dict[str, Callable[[Draft], Iterator[Change]]] = {
     "includes": includes,
     "files": pictures,
+    "meshes": meshes,
     "old-words": old_words,
     "names": names,
     "keys": fitting,

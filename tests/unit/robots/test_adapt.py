@@ -254,10 +254,25 @@ def test_a_file_that_is_none_is_bad_input(tmp_path):
         adapt(lab_files.written(tmp_path, "<mujoco>"))
 
 
-def test_meshes_that_can_be_touched_are_left_to_the_user(tmp_path):
+def test_meshes_that_can_be_touched_become_primitives_of_their_size_and_mass(tmp_path):
     path = lab_files.platform_in_several_files(tmp_path)
     lab_files.written(tmp_path, path.read_text().replace('contype="0" ', ""))
-    assert "meshes that can be touched ('cube')" in adapt(path).left[0]
+    result = adapt(path)
+    assert result.left == ()
+    model = model_of(result.xml)
+    (geom,) = np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_BOX)
+    assert np.sort(model.geom_size[geom]) == pytest.approx([0.03, 0.12, 0.15], rel=1e-6)
+    assert model.body("plate").mass == pytest.approx(8 * 0.15 * 0.12 * 0.03 * 700)
+    (change,) = (
+        change for name, change in result.changes if change.reason.startswith("Primitives")
+    )
+    assert change.certainty == "guess"
+
+
+def test_a_mesh_with_a_mass_whose_file_is_missing_is_told(tmp_path):
+    path = lab_files.platform_in_several_files(tmp_path)
+    (tmp_path / "shapes" / "cube.obj").unlink()
+    assert "has meshes with masses, and MuJoCo cannot compile them" in adapt(path).left[0]
 
 
 @pytest.mark.parametrize("pose", ['quat="0 1 0 0"', 'pos="0 0 1e-3"', 'xyaxes="1 0 0 0 1 0"'])
