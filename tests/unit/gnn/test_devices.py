@@ -12,7 +12,11 @@ from tests.other_device import OTHER, OtherDevice
 from tests.unit.gnn.test_ground import hills
 from tests.unit.gnn.test_learned import past_of
 
-CONFIGS = {"lean": NetworkConfig.lean(width=16), "paper": NetworkConfig.paper(width=8)}
+CONFIGS = {
+    "lean": NetworkConfig.lean(width=16),
+    "paper": NetworkConfig.paper(width=8),
+    "hybrid": NetworkConfig.hybrid(width=16),
+}
 
 
 @pytest.mark.parametrize("rows", [1, 5], ids=["one past", "a past for each"])
