@@ -19,13 +19,19 @@ AttachmentGuess = Literal["mjcf", "heuristic", "uninformed"]
 _UPRIGHT = 1e-6  # length across its axis that the vertical has at least, unless a rod stands
 
 
-def with_attachments(robot: Robot, guess: AttachmentGuess) -> Robot:
+def with_attachments(robot: Robot, guess: AttachmentGuess, calibrated: bool = True) -> Robot:
     """The robot with guessed ends of its cables on bodies; those in the world stay.
 
     A heuristic end lies on the circle of its end cap across the rod's axis. The circle has as many
     places as the cap has cables to other caps, evenly from the highest one on; they are matched with
     the other caps so that the distances to these are least together. A tracked point without a
     contact sphere, or on a body that is no rod, is an end itself.
+
+    Args:
+      robot: with the MJCF's attachments.
+      guess: of others.
+      calibrated: rest lengths are shifted so that in the keyframe each cable is stretched as the MJCF's
+        is; see `winch_offsets`.
     """
     if guess == "mjcf":
         return robot
@@ -37,16 +43,22 @@ def with_attachments(robot: Robot, guess: AttachmentGuess) -> Robot:
         point = robot.points[here.point]
         return replace(here, offset=circles.get((here.point, _partner(there)), point.offset))
 
-    cables = tuple(
+    cables = [
         replace(cable, ends=(end(*cable.ends), end(*cable.ends[::-1]))) for cable in robot.cables
-    )
-    return replace(robot, cables=cables)
+    ]
+    if calibrated:
+        poses = robot.keyframe.qpos.reshape(1, -1, 7)
+        longer = replace(robot, cables=tuple(cables)).cable_lengths(poses)
+        longer = (longer - robot.cable_lengths(poses))[0]
+        rest = [cable.rest_length + float(x) for cable, x in zip(cables, longer, strict=True)]
+        cables = [replace(c, rest_length=length) for c, length in zip(cables, rest, strict=True)]
+    return replace(robot, cables=tuple(cables))
 
 
-def longer_cables(robot: Robot, guessed: Robot) -> Floats:
-    """(C,) lengths by which the cables of a guess are longer in the keyframe [m]."""
-    poses = robot.keyframe.qpos.reshape(1, -1, 7)
-    return np.asarray((guessed.cable_lengths(poses) - robot.cable_lengths(poses))[0])
+def winch_offsets(robot: Robot, guessed: Robot) -> Floats:
+    """(W,) positions of the winches of a guess beyond the robot's [m]."""
+    first = [winch.cables[0] for winch in robot.winches]
+    return np.array([guessed.cables[i].rest_length - robot.cables[i].rest_length for i in first])
 
 
 def _circles(robot: Robot) -> dict[tuple[int, object], Floats]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import cached_property
 from typing import ClassVar, Self
 
@@ -10,7 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from flywheel.dynamics.baselines.attachments import AttachmentGuess, longer_cables, with_attachments
+from flywheel.dynamics.baselines.attachments import AttachmentGuess, winch_offsets, with_attachments
 from flywheel.dynamics.baselines.inputs import check_shapes
 from flywheel.dynamics.baselines.mechanics import ContactNumbers, Mechanics, RigidState
 from flywheel.dynamics.gnn.ground import Ground, ground_of
@@ -80,10 +81,9 @@ class RigidBodyEngine:
         robot.require_free("simulated by the rigid-body engine")
         self.robot, self.dt, self.config = robot, dt, config
         self.contact = USUAL if contact is None else np.asarray(contact, float)
-        self._model = with_attachments(robot, config.attachments)
+        self._model = with_attachments(robot, config.attachments, config.calibrated)
         self.mechanics = Mechanics(self._model)
-        longer = longer_cables(robot, self._model)
-        self._shift = longer if config.calibrated else np.zeros_like(longer)
+        self._offsets = winch_offsets(robot, self._model)
         self.substeps = math.ceil(dt / self.mechanics.longest_step(self._model) - 1e-9)
 
     @classmethod
@@ -136,7 +136,8 @@ class RigidBodyEngine:
         past = past.latest(self.history, self.robot.holding(past.winch[:, 0]))
         batch, _, winches = controls.shape
         now = np.broadcast_to(past.winch[:, -1], (batch, winches))
-        return self.start.estimate(past), self.robot.dead_reckon(now, controls, self.dt)
+        begun = self.start.estimate(replace(past, winch=past.winch + self._offsets))
+        return begun, self.robot.dead_reckon(now, controls, self.dt)
 
     def ground(self, past: Past) -> Ground | None:
         """The ground of a past; None for none."""
@@ -146,8 +147,9 @@ class RigidBodyEngine:
 
     def rest(self, winch: Floats) -> Tensor:
         """(H, C, K) rest lengths in each step, from winch positions (K, H + 1, W) [m]."""
-        lengths = rest_lengths(self._model, (winch[:, 1:] + winch[:, :-1]) / 2.0)
-        return torch.as_tensor(lengths + self._shift).permute(1, 2, 0).contiguous()
+        between = (winch[:, 1:] + winch[:, :-1]) / 2.0
+        lengths = rest_lengths(self._model, between + self._offsets)
+        return torch.as_tensor(lengths).permute(1, 2, 0).contiguous()
 
     def simulate(
         self, begun: State, rest: Tensor, contact: Tensor, ground: Ground | None

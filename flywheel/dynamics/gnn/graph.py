@@ -100,6 +100,7 @@ class RobotGraph:
     def __init__(
         self, robot: Robot, config: NetworkConfig, device: torch.device | str = "cpu"
     ) -> None:
+        own = robot
         if config.mechanics != "learned":
             robot = with_attachments(robot, config.mechanics)
         self.robot, self.config, self.device = robot, config, torch.device(device)
@@ -117,7 +118,7 @@ class RobotGraph:
         self.designated = self._designate()
         relations = (self._body_relation(), self._cable_relation(), self._contact_relation())
         self.relations = {r.name: r for r in relations if len(r.senders)}
-        self._place_winches()
+        self._place_winches(own)
 
     @property
     def body_count(self) -> int:
@@ -241,14 +242,17 @@ class RobotGraph:
             return self.body_count + self.anchor_at(end)
         return self._node_of_point[end.point]
 
-    def _place_winches(self) -> None:
-        """Winch of each cable edge, and the relation of its rest length to the winch position."""
+    def _place_winches(self, own: Robot) -> None:
+        """Winch of each cable edge, and the relation of its rest length to the winch position.
+
+        Winch positions are those of the robot with its own attachments.
+        """
         robot = self.robot
         cable = self.relations["cable"].origin.cpu().numpy() // 2
         drives = np.array([c.winch for c in robot.cables])[cable]
         force = np.array([(c.stiffness, c.damping) for c in robot.cables])[cable] / self._weight
         self.stiffness, self.damping = self._tensor(force).split(1, dim=1)
-        start = np.array([robot.cables[w.cables[0]].rest_length for w in robot.winches] + [0.0])
+        start = np.array([own.cables[w.cables[0]].rest_length for w in own.winches] + [0.0])
         rest = np.array([c.rest_length for c in robot.cables])[cable]
         self.cable_winch = self._index(np.where(drives < 0, len(robot.winches), drives))
         self.rest_offset = self._tensor(np.where(drives < 0, rest, rest - start[drives])[:, None])

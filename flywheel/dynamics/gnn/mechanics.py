@@ -8,7 +8,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from flywheel.dynamics.baselines.attachments import longer_cables
 from flywheel.dynamics.baselines.mechanics import Mechanics, RigidState
 from flywheel.dynamics.gnn.attachments import Attachments, upright
 from flywheel.dynamics.gnn.features import MechanicalState
@@ -22,15 +21,12 @@ class AnalyticMechanics:
 
     Args:
       robot: the robot, with the attachments that are assumed.
-      own: the robot with those of its MJCF; in the keyframe cables are as taut as its.
       frames: layout of the rigid frames.
       attachments: of the robot's cables.
       dt: control step [s].
     """
 
-    def __init__(
-        self, robot: Robot, own: Robot, frames: Frames, attachments: Attachments, dt: float
-    ) -> None:
+    def __init__(self, robot: Robot, frames: Frames, attachments: Attachments, dt: float) -> None:
         device, n = frames.to_nodes.device, len(robot.bodies)
         self._mechanics, self._dt = Mechanics(robot, str(device)), dt
         self._frames, self._attachments = frames, attachments
@@ -58,7 +54,6 @@ class AnalyticMechanics:
         self._turning = tensor(turning)
         self._from_nodes, self._to_arms = frames.from_nodes.double(), frames.to_arms.double()
         self._of_node = frames.body_of_node
-        self._longer = tensor(longer_cables(own, robot))[:, None]
 
     def pushed(self, state: MechanicalState, origin: Tensor) -> MechanicalState:
         """The state with the velocities that cables and gravity alone would give it after the step.
@@ -80,7 +75,7 @@ class AnalyticMechanics:
             torch.matmul(self._centres, moving),
             torch.matmul(self._turning, torch.linalg.cross(frames, moving, dim=0)),
         )
-        rest = self._attachments.rest(state.winch).double() + self._longer
+        rest = self._attachments.rest(state.winch).double()
         change, turn = self._mechanics.change(body, rest, self._dt)
         arms = torch.matmul(self._to_arms, frames)
         faster = change[:, self._of_node] + torch.linalg.cross(turn[:, self._of_node], arms, dim=0)

@@ -48,7 +48,7 @@ class Parts:
         self.mechanics: AnalyticMechanics | None = None
         if config.mechanics != "learned":
             self.mechanics = AnalyticMechanics(
-                self.graph.robot, robot, self.frames, self.attachments, config.dt
+                self.graph.robot, self.frames, self.attachments, config.dt
             )
         self.past = PastReader(robot, config, self.frames)
         self.winches = Winches(robot, config.dt, device)

@@ -114,6 +114,17 @@ def test_guessed_attachments_are_those_of_the_graph(mechanics) -> None:
     assert all(np.abs(a - b).max() > 1e-3 for a, b in zip(own, guessed, strict=True))
 
 
+@pytest.mark.parametrize("mechanics", ["mjcf", "heuristic", "uninformed"])
+def test_cables_are_as_taut_in_the_keyframe_as_the_mjcfs(mechanics) -> None:
+    robot = load_robot("prism3")
+    graph = RobotGraph(robot, NetworkConfig.hybrid(mechanics=mechanics))
+    winch = torch.from_numpy(robot.winch_of(robot.keyframe)).float()[:, None]
+    poses, cable = robot.keyframe.qpos.reshape(1, -1, 7), graph.relations["cable"].origin // 2
+    strain = graph.robot.cable_lengths(poses)[0][cable] - graph.rest_lengths(winch)[:, 0].numpy()
+    own = robot.cable_lengths(poses)[0] - [each.rest_length for each in robot.cables]
+    np.testing.assert_allclose(strain, own[cable], atol=1e-6)
+
+
 @pytest.mark.parametrize("changes", [{"chunk": 6}, {"cable_ends": "nodes"}])
 def test_mechanics_need_single_steps_and_attachments(changes) -> None:
     with pytest.raises(ValidationError, match="needs a chunk of 1"):
