@@ -27,6 +27,8 @@ def remarks(robot: Robot) -> Iterator[str]:
             "No cable is taut at its keyframe: nothing holds it there, and it falls in. Rest lengths (act, "
             "springlength) shorter than the cables are there give tension."
         )
+    yield from _on_damping(model, robot)
+    yield from _on_constraints(model)
     yield from _on_sensors(model, robot)
 
 
@@ -39,6 +41,28 @@ def _on_limits(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[str]:
                 f"and is {length:.4g} m at the keyframe: MuJoCo pulls it in at once, as a stiff limit. A "
                 "rest length is springlength, or act of a winch."
             )
+
+
+def _on_damping(model: mujoco.MjModel, robot: Robot) -> Iterator[str]:
+    pushing = [
+        repr(cable.name)
+        for tendon, cable in enumerate(robot.cables)
+        if cable.winch >= 0 and model.tendon_damping[tendon] > 0
+    ]
+    if pushing:
+        yield (
+            f"The damping of the winched tendons {', '.join(pushing)} acts while they are slack, too, and "
+            "pushes their ends apart; that in biasprm (its third number) only pulls."
+        )
+
+
+def _on_constraints(model: mujoco.MjModel) -> Iterator[str]:
+    names = [model.eq(i).name or f"number {i}" for i in range(model.neq)]
+    if names:
+        yield (
+            f"Equality constraints ({', '.join(names)}) act beside the cables: the plant has them, networks "
+            "do not see them."
+        )
 
 
 def _on_sensors(model: mujoco.MjModel, robot: Robot) -> Iterator[str]:

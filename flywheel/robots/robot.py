@@ -55,6 +55,14 @@ class Robot:
         """True if a cable ends on something immovable."""
         return any(end.body < 0 for cable in self.cables for end in cable.ends)
 
+    @cached_property
+    def span(self) -> float:
+        """Longest distance between two fixed ends of cables [m]; 0 if there are fewer than two."""
+        fixed = np.array([end.offset for c in self.cables for end in c.ends if end.body < 0])
+        if len(fixed) < 2:
+            return 0.0
+        return float(np.linalg.norm(fixed[:, None] - fixed, axis=-1).max())
+
     def offsets_of(self, body: Body) -> Floats:
         """(n, 3) places of a body's n tracked points in its frame [m]."""
         return np.array([self.points[i].offset for i in body.points])

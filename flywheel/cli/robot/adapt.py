@@ -16,7 +16,7 @@ from flywheel.cli.robot.settling import control_step, verdict
 if TYPE_CHECKING:
     from flywheel.robots.adapt import Adapted, Change
 
-SETTLED = 0.01  # of the robot's length [1]: a keyframe that is farther from rest is replaced
+SETTLED = 0.01  # of the robot's length: a keyframe that is farther from rest is replaced
 
 
 def adapt(

@@ -17,7 +17,7 @@ from flywheel.cli.robot.adapt import adapt
 from flywheel.cli.robot.log import log
 from flywheel.cli.robot.reveal import reveal
 from flywheel.cli.robot.serve import serve
-from flywheel.cli.robot.settling import DT, control_step, verdict
+from flywheel.cli.robot.settling import DT, control_step, share, verdict
 from flywheel.cli.robot.steps import beyond_limit, show_steps
 
 if TYPE_CHECKING:
@@ -177,7 +177,7 @@ def _remarks(robot: Robot, found: Settling, step: float) -> Iterator[str]:
 
     if found.moved > NEAR * robot.length and found.rest is not None:
         yield (
-            f"Its keyframe is {100 * found.moved / robot.length:.3g} % of L from where it rests, so every "
+            f"Its keyframe is {share(robot, found.moved)} from where it rests, so every "
             f"reset begins with a fall. Take this one:\n{key_line(found.rest)}"
         )
     if robot.control_steps(DT) != (DT,):

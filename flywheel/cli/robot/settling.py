@@ -9,6 +9,9 @@ if TYPE_CHECKING:
     from flywheel.dynamics.plant import Settling
     from flywheel.robots import Robot
 
+SMALL = (
+    3.0  # times as long as a robot is the space between its fixed cable ends, where that is named
+)
 DT = 0.01  # between commands, unless it is given: what all commands take [s]
 
 
@@ -29,9 +32,17 @@ def control_step(robot: Robot, dt: float | None) -> float:
     return steps[0]
 
 
+def share(robot: Robot, distance: float) -> str:
+    """A distance [m] as a share of L, and of the space in which a small robot hangs."""
+    words = f"{100 * distance / robot.length:.3g} % of L"
+    if robot.span > SMALL * robot.length:
+        words += f", {100 * distance / robot.span:.3g} % of the {robot.span:.3g} m between fixed cable ends"
+    return words
+
+
 def verdict(robot: Robot, found: Settling) -> tuple[bool, str]:
     """True if a robot can be used, judged by its motion while its winches hold, and a sentence."""
-    moved = f"{found.moved:.3g} m ({100 * found.moved / robot.length:.3g} % of L) from its keyframe"
+    moved = f"{found.moved:.3g} m ({share(robot, found.moved)}) from its keyframe"
     if found.lost and not (robot.grounded or robot.tethered):
         return False, (
             f"Nothing holds it, and it falls: {moved}. No cable ends on the world, and there is no ground: "

@@ -20,6 +20,7 @@ from flywheel.robots.adapt.names import names
 from flywheel.robots.adapt.old_words import old_words
 from flywheel.robots.adapt.points import points
 from flywheel.robots.adapt.ranges import forces, ranges
+from flywheel.robots.adapt.ropes import ropes
 from flywheel.robots.adapt.servos import as_winches, joined
 from flywheel.robots.adapt.springs import beside_winches, pull_only
 from flywheel.robots.adapt.start import fitting, start
@@ -39,6 +40,7 @@ OF_TEXT: dict[str, Callable[[Draft], Iterator[Change]]] = {
 }
 OF_ROBOT: dict[str, Callable[[Draft], Iterator[Change]]] = {
     "upright": upright,
+    "ropes": ropes,
     "winches": made_winches,
     "joined": joined,
     "tensions": tensions,

@@ -110,6 +110,12 @@ def test_a_keyframe_away_from_rest_is_said_with_a_better_one(tmp_path: Path) -> 
     assert "It settles" in again and "keyframe is" not in again
 
 
+def test_distances_of_a_small_robot_are_shares_of_the_space_it_hangs_in_too(tmp_path: Path) -> None:
+    near = [(f'pos="{sign}0.5 0 0"', f'pos="{sign}0.2 0 0"') for sign in ("-", "")]
+    output = checked(tmp_path, *near, AWAY)
+    assert "% of the 2.69 m between fixed cable ends" in output
+
+
 def test_a_time_step_that_does_not_divide_has_its_own_control_step(tmp_path: Path) -> None:
     step = ('timestep="0.005"', 'timestep="0.003"')
     assert "Give them --dt 0.009" in checked(tmp_path, step)

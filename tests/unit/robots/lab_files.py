@@ -353,7 +353,13 @@ def crossed_bars(folder: Path) -> Path:
     )
 
 
-# Those that are refused, with words of the first problem.
+def ropes(folder: Path) -> Path:
+    """Ropes of a greatest length, and nothing that winds them."""
+    world, cables = platform(4, tendon='limited="true" range="0 1.7"')
+    return written(
+        folder,
+        f'<mujoco model="ropes"><worldbody>{world}</worldbody><tendon>{cables}</tendon></mujoco>',
+    )
 
 
 def hinged_leg(folder: Path) -> Path:
@@ -412,19 +418,15 @@ def two_motors_on_a_spring(folder: Path) -> Path:
     )
 
 
+def without_winches(folder: Path) -> Path:
+    """Springs that a script drives, though nobody says which."""
+    return prism_driven_from_python(folder)
+
+
 def on_a_slope(folder: Path) -> Path:
     """Gravity that stands for a slope."""
     path = prism_with_springs_beside_servos(folder)
     return written(folder, path.read_text().replace("<option ", '<option gravity="-2 0 -9.6" '))
-
-
-def ropes(folder: Path) -> Path:
-    """Ropes of a greatest length, and nothing that winds them."""
-    world, cables = platform(4, tendon='limited="true" range="0 1.7"')
-    return written(
-        folder,
-        f'<mujoco model="ropes"><worldbody>{world}</worldbody><tendon>{cables}</tendon></mujoco>',
-    )
 
 
 ADAPTABLE = (
@@ -442,11 +444,13 @@ ADAPTABLE = (
     integrated_velocity,
     activations_in_the_key,
     crossed_bars,
+    ropes,
 )
 DRIVEN_FROM_PYTHON = {
     "prism_driven_from_python": ("b?-t?",),
     "old_paper": ("l?-r?",),
     "crossed_bars": ("a*",),
+    "ropes": ("p*",),
 }
 REFUSED = {
     hinged_leg: "It has the joints 'hip' (hinge, of the body 'thigh'), 'knee' (hinge, of the body 'shin')",
@@ -454,6 +458,6 @@ REFUSED = {
     muscles: "The MJCF has a muscle",
     tension_motors: "The actuators 'm0', 'm1', 'm2', 'm3' must have a stiffness k",
     two_motors_on_a_spring: "The actuators 'b0b1', 'b1b2' must have a stiffness k",
-    ropes: "The MJCF has no winch",
+    without_winches: "The MJCF has no winch",
     on_a_slope: "The MJCF has gravity along a slanting line",
 }

@@ -179,6 +179,12 @@ def test_a_spring_beside_a_winch_becomes_another_cable_with_all_its_digits(tmp_p
     assert attributes(adapt(path), "spatial", "b0-t1")["stiffness"] == "0"
 
 
+def test_ropes_become_stiff_springs_that_are_slack_below_their_length(tmp_path):
+    robot = read_robot(adapted(lab_files.ropes, tmp_path).xml)
+    assert {cable.rest_length for cable in robot.cables} == {1.7}
+    assert [cable.stiffness for cable in robot.cables] == pytest.approx([3 * 9.81 / 0.017] * 4)
+
+
 def test_springs_become_winches_that_hold_what_the_springs_did(tmp_path):
     result = adapted(lab_files.crossed_bars, tmp_path)
     robot = read_robot(result.xml)

@@ -378,6 +378,19 @@ def test_the_example_needs_no_remark() -> None:
     assert list(remarks(read_robot(GOOD))) == []
 
 
+def test_damping_that_pushes_and_constraints_are_said() -> None:
+    damped = edited(('<spatial name="cord"', '<spatial name="cord" damping="3"'))
+    (words,) = remarks(read_robot(damped))
+    assert "winched tendons 'cord' acts while they are slack" in words
+    weld = '<equality><connect name="pin" body1="shade" anchor="0 0 0"/></equality></mujoco>'
+    (words,) = remarks(read_robot(edited(("</mujoco>", weld))))
+    assert "Equality constraints (pin)" in words
+
+
+def test_a_robot_spans_the_space_between_its_fixed_cable_ends() -> None:
+    assert read_robot(GOOD).span == pytest.approx(1.0)
+
+
 def test_a_tendon_that_is_longer_than_its_range_is_said() -> None:
     limited = edited(('<spatial name="cord"', '<spatial name="cord" limited="true" range="0 0.7"'))
     (words,) = remarks(read_robot(limited))
