@@ -9,7 +9,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import cast
 
-from flywheel.data.recordings.formats.stream import Reader
+from flywheel.data.recordings.formats.apart import read_apart
+from flywheel.data.recordings.formats.stream import Contents, Reader
 from flywheel.errors import DataError
 from flywheel.files import opened
 from flywheel.outputs import printable
@@ -17,6 +18,7 @@ from flywheel.outputs import printable
 BEGIN = 8192  # bytes that tell a format
 NEXUS = rb"(Trajectories|Devices|Model Outputs|Joints|Segments|Events)[,\t\r\n]+ *[\d.]+"
 ZIP = b"PK\x03\x04"
+USER_BLOCKS = (0, 512, 1024, 2048, 4096)  # bytes before the content of an HDF5 file
 HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
@@ -28,15 +30,21 @@ class Format:
       title: its name for people.
       module: of its reader, in this package.
       tells: True for the first bytes of such a file.
+      apart: its library may end the process on a damaged file.
     """
 
     title: str
     module: str
     tells: Callable[[bytes], bool]
+    apart: bool = False
 
-    def reader(self) -> Reader:
-        """Its reader, imported now: some need much."""
-        return cast("Reader", import_module(f"flywheel.data.recordings.formats.{self.module}"))
+    def read(self, path: Path, names: tuple[str, ...]) -> Contents:
+        """The numbers of a file; see `Reader`."""
+        if self.apart:
+            return read_apart(self.module, path)
+        # Some readers need much.
+        reader = cast("Reader", import_module(f"flywheel.data.recordings.formats.{self.module}"))
+        return reader.read(path, names)
 
 
 def _line(pattern: bytes) -> Callable[[bytes], bool]:
@@ -66,11 +74,11 @@ FORMATS = {
     "vicon": Format("Vicon CSV", "vicon", _line(NEXUS)),
     "qualisys": Format("Qualisys TSV", "qualisys", _line(rb"NO_OF_FRAMES\t")),
     "trc": Format("TRC", "trc", _line(rb"PathFileType\t")),
-    "c3d": Format("C3D", "c3d", lambda begin: begin[1:2] == b"\x50" and b"\0" in begin[:512]),
-    "mat73": Format("MAT 7.3", "hdf5", _starts(b"MATLAB 7.3 MAT-file")),
-    "mat": Format("MAT", "mat", _starts(b"MATLAB 5.0 MAT-file")),
+    "c3d": Format("C3D", "c3d", lambda begin: begin[1:2] == b"\x50" and b"\0" in begin[:512], True),
+    "mat73": Format("MAT 7.3", "hdf5", _starts(b"MATLAB 7.3 MAT-file"), True),
+    "mat": Format("MAT", "mat", _starts(b"MATLAB 5.0 MAT-file"), True),
     "npz": Format("NPZ", "npz", lambda b: b.startswith(b"\x93NUMPY") or _is_archive_of(b, rb"[^/\\]*\.npy")),
-    "hdf5": Format("HDF5", "hdf5", lambda b: any(b[n : n + 8] == HDF5 for n in (0, 512, 1024, 2048, 4096))),
+    "hdf5": Format("HDF5", "hdf5", lambda b: any(b[n : n + 8] == HDF5 for n in USER_BLOCKS), True),
     "parquet": Format("Parquet", "parquet", _starts(b"PAR1")),
     "bag": Format("ROS bag", "bags", _starts(b"#ROSBAG V2.0")),
     "db3": Format("ROS 2 bag", "bags", _starts(b"SQLite format 3\0")),
@@ -92,6 +100,10 @@ REFUSED: tuple[tuple[Callable[[bytes], bool], str], ...] = (
     (
         lambda b: b"!!python/" in b or b"tag:yaml.org,2002:python/" in b,
         "is YAML with Python tags, which run code when they are read. Write plain numbers, as CSV.",
+    ),
+    (
+        lambda b: re.match(rb"(comment|info|rigidbody|frame),", _plain(b)) is not None,
+        "is an export of the old Tracking Tools, in which markers have no names. Export it with Motive.",
     ),
     (lambda b: b.startswith(b"\x1f\x8b"), "is compressed (gzip). Unpack it."),
     (

@@ -22,6 +22,7 @@ from flywheel.errors import DataError
 from flywheel.records import Floats
 
 HEADER_LINES = 30  # in which the header ends
+BODIES = ("rigid body", "bone")
 SOLVED = ("rigid body marker", "bone marker")  # where the body puts its marker, seen or not
 
 
@@ -73,7 +74,10 @@ def _header(lines: Sequence[str]) -> _Header:
     first = [cell.lower() for cell in rows[0][::2]]
     about = dict(zip(first, rows[0][1::2], strict=False))
     axes = rows[last]
-    time = next((name for name in axes if name.lower().startswith("time (sec")), None)
+    time = next(
+        (name for name in axes if name.lower() == "time" or name.lower().startswith("time (sec")),
+        None,
+    )
     above = [row for row in rows[1:last] if any(row)]
     if time is None or len(above) < 3:
         raise DataError(
@@ -86,10 +90,14 @@ def _header(lines: Sequence[str]) -> _Header:
     def at(row: Sequence[str], column: int) -> str:
         return row[column] if column < len(row) else ""
 
-    groups = []
+    groups, body = [], ""
     for i in range(axes.index(time) + 1, len(axes)):
-        channel = at(channels, i).lower()
+        kind, name, channel = at(kinds, i).lower(), at(named_row, i), at(channels, i).lower()
+        if kind in BODIES:
+            body = name
+        elif kind in SOLVED and ":" not in name:
+            name = f"{body}:{name}"
         if axes[i].upper() == "X" and channel in ("position", "rotation"):
             count = 4 if channel == "rotation" and at(axes, i + 3).upper() == "W" else 3
-            groups.append((range(i, i + count), (at(kinds, i).lower(), at(named_row, i), channel)))
+            groups.append((range(i, i + count), (kind, name, channel)))
     return _Header(about, last + 1, axes, time, groups)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zipfile
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +29,15 @@ def read(path: Path, names: tuple[str, ...]) -> Contents:
                 return streams({"array": np.lib.format.read_array(file)})
         with zipfile.ZipFile(path) as archive:
             return _archive(archive)
-    except (ValueError, zipfile.BadZipFile, EOFError, OSError, SyntaxError, MemoryError) as error:
+    except (
+        ValueError,
+        zipfile.BadZipFile,
+        zlib.error,
+        EOFError,
+        OSError,
+        SyntaxError,
+        RuntimeError,
+    ) as error:
         raise DataError(f"it is damaged: {error}.") from None
 
 

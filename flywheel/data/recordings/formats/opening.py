@@ -51,7 +51,7 @@ def open_log(path: Path, kind: str | None = None, names: tuple[str, ...] = ()) -
     found = format_of(path) if kind is None else {**FORMATS, "table": TABLE}[kind]
     digest = _digest(path)
     try:
-        contents = found.reader().read(path, names)
+        contents = found.read(path, names)
     except DataError as error:
         raise DataError(f"{name} ({found.title}): {error}") from None
     except MemoryError:

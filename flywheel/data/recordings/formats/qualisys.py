@@ -14,6 +14,7 @@ from flywheel.data.recordings.formats.text import (
     cells,
     columns,
     content_of,
+    distinct,
     head,
     numbers,
 )
@@ -35,9 +36,10 @@ def read(path: Path, names: tuple[str, ...]) -> Contents:
     first = next((i for i, row in enumerate(rows) if _is_data(row)), None)
     markers = [name for name in about.get("MARKER_NAMES", []) if name]
     bodies = [name for name in about.get("BODY_NAMES", []) if name]
-    if first is None or not (markers or bodies):
-        raise DataError("it lacks MARKER_NAMES or BODY_NAMES, or has no rows.")
-    width = len(markers) * 3 or len(bodies) * BODY
+    others = [name for name in about.get("DATA_TYPES", []) if name]
+    width = len(markers) * 3 or len(bodies) * BODY or len(others)
+    if first is None or not width:
+        raise DataError("it lacks MARKER_NAMES, BODY_NAMES and DATA_TYPES, or has no rows.")
     before = 2 if len(rows[first]) >= width + 2 else 0  # the frame and its time
     table = columns(after_line(content, first), "\t", before + width, first + 1)
     rate = _number(about, "FREQUENCY")
@@ -47,8 +49,10 @@ def read(path: Path, names: tuple[str, ...]) -> Contents:
         found, notes = named(
             [_marker(name, data[3 * i : 3 * i + 3]) for i, name in enumerate(markers)]
         )
-    else:
+    elif bodies:
         found, notes = _bodies(bodies, data)
+    else:
+        found, notes = dict(zip(distinct(others), data, strict=True)), []
     return Contents((Stream(found, time, length="mm", angle="deg"),), tuple(notes))
 
 

@@ -95,7 +95,7 @@ def _read(content: bytes, delimiter: str, width: int) -> pa.Table:
         arrow_csv.ReadOptions(column_names=names, use_threads=False),
         arrow_csv.ParseOptions(delimiter=delimiter),
         arrow_csv.ConvertOptions(
-            null_values=MISSING, strings_can_be_null=True, check_utf8=False, true_values=[], false_values=[]
+            null_values=MISSING, strings_can_be_null=True,  true_values=[], false_values=[]
         ),
     )  # fmt: skip
 

@@ -56,6 +56,10 @@ def test_motive(version: str, truth: Truth, tmp_path: Path) -> None:
     writers.motors(truth, tmp_path / "motors.txt", TIME)
     markers = ", ".join(f'{n}: "Platform:{n}"' for n in writers.names(truth))
     text = f"files: [{{path: take.txt}}, {MOTORS}]\n{AXES}{COMMANDS}markers: {{{markers}}}\n"
+    if version == "1.1":
+        with pytest.raises(DataError, match="does not say the unit of its positions"):
+            imported(tmp_path / "take.txt", text, truth)
+        text += "units: {points: mm}\n"
     track, words = imported(tmp_path / "take.txt", text, truth)
     check(track, truth)
     assert any("Unlabeled 1189" in each and "one marker" in each for each in words)

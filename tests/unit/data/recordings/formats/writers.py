@@ -76,8 +76,21 @@ def motive(truth: Truth, path: Path, time: Floats, version: str = "1.23") -> Pat
     lines += [",".join(["Frame", "Time (Seconds)", *rows[-1]])]
     for i, row in enumerate(np.stack(columns, axis=1)):
         lines.append(",".join([str(i), f"{time[i]:.6f}", *map(cell, row)]))
+    if version == "1.1":
+        lines = _older(lines)
     path.write_text("\ufeff" + "\r\n".join(lines) + "\r\n", encoding="utf-8")
     return path
+
+
+def _older(lines: list[str]) -> list[str]:
+    """As Motive 1.x writes it: no unit, another name of the time, markers without their body's name."""
+    lines[0] = lines[0].replace("Length Units,Millimeters,", "")
+    lines[3] = ",".join(
+        name.replace("Platform:", "") if kind == "Rigid Body Marker" else name
+        for kind, name in zip(lines[2].split(","), lines[3].split(","), strict=True)
+    )
+    lines[6] = lines[6].replace("Time (Seconds)", "Time")
+    return lines
 
 
 def vicon(truth: Truth, path: Path, time: Floats) -> Path:

@@ -1,0 +1,140 @@
+"""Where readers of formats do not do what one would guess, the numbers are right or the file is refused."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flywheel.data.recordings.formats import Stream, open_log
+from flywheel.errors import DataError
+
+
+def only(path: Path) -> Stream:
+    (stream,) = open_log(path).streams
+    return stream
+
+
+def c3d(path: Path, frames: int, units: str | None = "mm") -> Path:
+    ezc3d = pytest.importorskip("ezc3d")
+    file = ezc3d.c3d()
+    file["parameters"]["POINT"]["RATE"]["value"] = [100.0]
+    file["parameters"]["POINT"]["LABELS"]["value"] = ["a  ", "b"]
+    file["parameters"]["POINT"]["UNITS"]["value"] = [units] if units else []
+    points = np.ones((4, 2, frames))
+    points[0] = np.arange(frames)
+    points[:3, 1, 2] = np.nan
+    file["data"]["points"] = points
+    file["data"]["meta_points"]["residuals"] = np.zeros((1, 2, frames))
+    file.write(str(path))
+    return path
+
+
+def test_a_nan_in_a_c3d_was_not_seen_though_its_residual_is_0(tmp_path: Path) -> None:
+    stream = only(c3d(tmp_path / "a.c3d", 10))
+    assert list(stream.columns) == [
+        "a.x",
+        "a.y",
+        "a.z",
+        "b.x",
+        "b.y",
+        "b.z",
+    ]  # labels without padding
+    assert np.isnan(stream.columns["b.x"][2])
+    np.testing.assert_array_equal(stream.columns["a.x"], np.arange(10.0))
+    assert (stream.length, stream.asks_unit) == ("mm", False)
+
+
+def test_a_c3d_without_a_unit_asks_for_it(tmp_path: Path) -> None:
+    assert only(c3d(tmp_path / "a.c3d", 10, units=None)).asks_unit
+
+
+def test_a_c3d_of_more_frames_than_are_counted_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match=r"65,53\d"):
+        open_log(c3d(tmp_path / "a.c3d", 70_000))
+
+
+def test_matlabs_whole_numbers_and_logicals_are_numbers(tmp_path: Path) -> None:
+    from scipy.io import savemat
+
+    savemat(
+        tmp_path / "a.mat",
+        {"u": np.array([10, 250, 3], np.uint8), "seen": np.array([True, False, True])},
+    )
+    columns = only(tmp_path / "a.mat").columns
+    np.testing.assert_array_equal(np.diff(columns["u"]), [240.0, -247.0])
+    np.testing.assert_array_equal(columns["seen"], [1.0, 0.0, 1.0])
+
+
+def test_an_unseen_marker_of_a_trc_does_not_move_the_next_into_its_cells(tmp_path: Path) -> None:
+    rows = ["1\t0.000\t\t\t\t4\t5\t6", "2\t0.008\t1\t2\t3\t4\t5\t6", "3\t0.017\t1\t2\t3\t\t\t"]
+    head = [
+        "PathFileType\t4\t(X/Y/Z)\ta.trc", "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits",
+        "119.88\t119.88\t3\t2\tmm", "Frame#\tTime\ta\t\t\tb", "\t\tX1\tY1\tZ1\tX2\tY2\tZ2", "",
+    ]  # fmt: skip
+    (tmp_path / "a.txt").write_text("\n".join(head + rows) + "\n")
+    stream = only(tmp_path / "a.txt")
+    np.testing.assert_array_equal(stream.columns["a.x"], [np.nan, 1.0, 1.0])
+    np.testing.assert_array_equal(stream.columns["b.x"], [4.0, 4.0, np.nan])
+    assert stream.time is not None
+    np.testing.assert_allclose(stream.time, np.arange(3) / 119.88)
+
+
+def mcap(path: Path, order: list[int]) -> Path:
+    writer_of = pytest.importorskip("mcap.writer").Writer
+    with path.open("wb") as file:
+        writer = writer_of(file, chunk_size=200)
+        writer.start()
+        channel = writer.register_channel(
+            "/a", "json", writer.register_schema("a", "jsonschema", b"{}")
+        )
+        for i in order:
+            data = json.dumps({"x": i, "names": ["p", "q"], "v": [i, -i]}).encode()
+            writer.add_message(channel, log_time=i * 10**7, data=data, publish_time=0)
+        writer.finish()
+    return path
+
+
+def test_messages_that_were_written_out_of_order_are_in_the_order_of_their_times(
+    tmp_path: Path,
+) -> None:
+    stream = only(mcap(tmp_path / "a.bin", [0, 2, 1, 3]))
+    np.testing.assert_array_equal(stream.columns["/a.x"], np.arange(4.0))
+    np.testing.assert_array_equal(stream.columns["/a.v[q]"], -np.arange(4.0))
+
+
+def test_a_recording_that_was_cut_gives_what_was_written(tmp_path: Path) -> None:
+    path = mcap(tmp_path / "a.bin", list(range(100)))
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 3])
+    found = open_log(path)
+    count = len(found.streams[0].columns["/a.x"])
+    assert 5 < count < 100
+    np.testing.assert_array_equal(found.streams[0].columns["/a.x"], np.arange(float(count)))
+    assert any("ends early" in note for note in found.notes)
+
+
+def test_a_lerobot_file_that_was_not_closed_is_told_so(tmp_path: Path) -> None:
+    (tmp_path / "a.parquet").write_bytes(b"PAR1" + bytes(200))
+    with pytest.raises(DataError, match="finalize"):
+        open_log(tmp_path / "a.parquet")
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"comment,Tracking Tools\ninfo,version,1.1\n", "old Tracking Tools"),
+        (b"\x1f\x8b" + bytes(20), "gzip"),
+        (b"PK\x03\x04" + bytes(40), "ZIP archive or a spreadsheet"),
+        (b"\x00\x01\x02" * 20, "neither text nor of a format that is read: Motive CSV"),
+        (b"Format Version,1.23\n\n1,2,3\n", "no row begins with 'Frame'"),
+        (b"MATLAB 5.0 MAT-file" + bytes(200), "MAT"),
+        (b"\x02\x50" + bytes(600), "header"),
+        (b"NO_OF_FRAMES\t3\n", "MARKER_NAMES"),
+    ],
+)
+def test_a_file_that_is_not_read_is_told_why(content: bytes, words: str, tmp_path: Path) -> None:
+    if content[1:2] == b"\x50":
+        pytest.importorskip("ezc3d")
+    (tmp_path / "a.dat").write_bytes(content)
+    with pytest.raises(DataError, match=words):
+        open_log(tmp_path / "a.dat")
