@@ -120,6 +120,8 @@ class _Run:
                 continue
             try:
                 made = list(adaptation(self._draft))
+                if not of_text:
+                    self._draft.model  # noqa: B018  which MuJoCo still compiles
             except RobotError as error:
                 self._stop((*bent(self._draft), *problems_of(error)))
                 return

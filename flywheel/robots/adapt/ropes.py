@@ -10,6 +10,7 @@ import numpy as np
 from flywheel.robots.adapt.draft import Certainty, Change, Draft, digits, weight_of
 
 STRETCH = 0.01  # of a rope's length, with all the weight on it
+FAR = 2.0  # times a rope's length: a limit that it never reaches
 DAMPING = 0.2  # of critical, for all the mass on one rope
 
 
@@ -27,7 +28,7 @@ def ropes(draft: Draft) -> Iterator[Change]:
             continue
         stiffness = weight / (STRETCH * length)
         attributes = {
-            "limited": "false",
+            "range": digits(0, FAR * length),  # and no less, because sensors of limits need one
             "stiffness": digits(stiffness),
             "damping": digits(2 * DAMPING * np.sqrt(stiffness * mass)),
             "springlength": digits(0, length),

@@ -10,7 +10,16 @@ import pytest
 from flywheel.dynamics.plant import Plant
 from flywheel.errors import MjcfError
 from flywheel.robots import read_robot
-from flywheel.robots.adapt import ADAPTATIONS, Adapted, Options, adapt, with_key
+from flywheel.robots.adapt import (
+    ADAPTATIONS,
+    Adapted,
+    Certainty,
+    Change,
+    Options,
+    adapt,
+    adapting,
+    with_key,
+)
 from flywheel.robots.adapt.draft import Scale
 from flywheel.robots.adapt.proof import ALIKE, apart
 from flywheel.robots.mjcf_source import compiled
@@ -185,6 +194,24 @@ def test_ropes_become_stiff_springs_that_are_slack_below_their_length(tmp_path):
     assert [cable.stiffness for cable in robot.cables] == pytest.approx([3 * 9.81 / 0.017] * 4)
 
 
+def test_a_sensor_of_a_rope_s_limit_stays(tmp_path):
+    path = lab_files.ropes(tmp_path)
+    sensor = '<sensor><tendonlimitfrc name="f" tendon="p0-c0"/></sensor></mujoco>'
+    lab_files.written(tmp_path, path.read_text().replace("</mujoco>", sensor))
+    assert adapt(path, Options(winches=("*",))).left == ()
+
+
+def test_an_adaptation_that_mujoco_refuses_mends_nothing(tmp_path, monkeypatch):
+    def broken(draft):
+        next(draft.root.iter("spatial")).set("stiffness", "-")
+        yield Change(("nothing",), "a fault", Certainty.CERTAIN)
+
+    monkeypatch.setitem(adapting.OF_ROBOT, "pull-only", broken)
+    result = adapted(lab_files.prism_with_springs_beside_servos, tmp_path)
+    assert "MuJoCo cannot compile" in result.left[0]
+    assert "pull-only" not in result.mended.values()
+
+
 def test_springs_become_winches_that_hold_what_the_springs_did(tmp_path):
     result = adapted(lab_files.crossed_bars, tmp_path)
     robot = read_robot(result.xml)
@@ -226,6 +253,7 @@ def test_files_are_taken_in_with_the_masses_of_meshes_that_are_only_looked_at(tm
     after = model_of(result.xml).body("plate")
     assert ".obj" not in result.xml and "include" not in result.xml
     assert "posts of aluminium" in result.xml  # comments stay
+    assert result.xml.index("<asset") < result.xml.index("<default")  # where the include was
     for number in ("mass", "inertia", "ipos"):
         assert getattr(after, number) == pytest.approx(
             getattr(before, number), rel=1e-12, abs=1e-15
@@ -298,6 +326,31 @@ def test_all_names_are_made_from_what_is_joined_and_differ(tmp_path):
     names = [cable.name for cable in robot.cables]
     assert names[0] == "b0_b1" and len(set(names)) == 9
     assert robot.name == "robot"
+
+
+def test_all_winches_of_a_first_keyframe_pull_as_much_as_the_robot_weighs(tmp_path):
+    robot = read_robot(adapted(lab_files.platform_without_ranges, tmp_path).xml)
+    lengths = robot.cable_lengths(robot.keyframe.qpos[None, None])[0]
+    pulls = [
+        c.stiffness * (now - c.rest_length) for c, now in zip(robot.cables, lengths, strict=True)
+    ]
+    assert sum(pulls) == pytest.approx(3 * 9.81)
+
+
+def test_a_limit_of_forces_stays_where_it_pulls(tmp_path):
+    result = adapted(lab_files.integrated_velocity, tmp_path)
+    assert attributes(result, "general", "w0")["forcerange"] == "-900 0"
+
+
+def test_contacts_by_pairs_only_stay_so(tmp_path):
+    model = model_of(adapted(lab_files.old_paper, tmp_path).xml)
+    assert not model.geom_contype.any() and not model.geom_conaffinity.any() and model.npair == 6
+
+
+def test_tracked_points_are_spheres_where_there_are_some(tmp_path):
+    result = adapted(lab_files.old_paper, tmp_path)
+    (change,) = (change for name, change in result.changes if name == "points")
+    assert change.edits[0] == "'strut0_0' at a sphere of 'strut0'"
 
 
 def test_tracked_points_are_at_the_ends_of_rods(tmp_path):
