@@ -295,11 +295,6 @@ def _write(key: Element, attribute: str, values: list[float]) -> None:
         key.set(attribute, digits(*values))
 
 
-def told_names(names: list[str]) -> str:
-    """Names in a sentence."""
-    return ", ".join(repr(name) for name in names)
-
-
 def weight_of(model: mujoco.MjModel) -> float:
     """Weight of all that moves [N]."""
     moving = model.body_weldid != 0

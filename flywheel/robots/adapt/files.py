@@ -7,7 +7,7 @@ from pathlib import Path
 
 from flywheel.errors import MjcfError
 from flywheel.robots.adapt.draft import Certainty, Change, Draft, Element
-from flywheel.robots.mjcf_source import PICTURES, parsed, read_mjcf
+from flywheel.robots.mjcf_source import MOST_ELEMENTS, PICTURES, parsed, read_mjcf
 
 MOST_FILES = 100  # that are taken in
 
@@ -31,6 +31,11 @@ def includes(draft: Draft) -> Iterator[Change]:
         for offset, child in enumerate(_contents(draft.folder, file)):
             parent.insert(place + offset, child)
         taken.append(file)
+        if (count := sum(1 for _ in draft.root.iter())) > MOST_ELEMENTS:
+            raise MjcfError(
+                f"The MJCF has {count:,} elements with its included files; at most {MOST_ELEMENTS:,} are "
+                "allowed."
+            )
     if taken:
         edits = tuple(f"the elements of {file} in the place of its <include>" for file in taken)
         yield Change(edits, "A robot is one file.", Certainty.CERTAIN)

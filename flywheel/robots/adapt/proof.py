@@ -16,7 +16,7 @@ from flywheel.robots.mujoco_warnings import collected_warnings
 
 SECONDS, HELD = 1.0, 0.1  # of the simulation, and of each command [s]
 MOST_STEPS = 2000
-PATIENCE = 20.0  # of a clock on the wall, for both [s]
+PATIENCE = 10.0  # of a clock on the wall, for both [s]
 ALIKE = 1e-6  # [m]; what two equal robots may be apart by rounding
 UNTURNED = np.eye(3)
 PAY, PULL = 0.02, 0.1  # of a cable's length: per second, and in all, that commands move winches

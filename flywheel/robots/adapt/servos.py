@@ -26,7 +26,6 @@ from flywheel.robots.adapt.draft import (
     actuators,
     digits,
     general,
-    told_names,
 )
 from flywheel.robots.adapt.proof import apart, certainty_of, evidence_of, refuse_apart
 
@@ -56,7 +55,7 @@ def joined(draft: Draft) -> Iterator[Change]:
         general(draft, before, stiff[0], biasprm=digits(*bias))
         for damper in dampers:
             _take_out(draft, before.actuator(damper).name)
-        names = told_names([before.actuator(a).name for a in dampers])
+        names = ", ".join(repr(before.actuator(a).name) for a in dampers)
         edits.append(f"{names} as the damping of {before.actuator(stiff[0]).name!r}")
     if edits:
         keys.write(draft)

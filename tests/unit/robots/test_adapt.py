@@ -278,6 +278,15 @@ def test_includes_that_cannot_be_are_told(text, words, tmp_path):
     assert words in adapt(lab_files.written(tmp_path, text)).left[0]
 
 
+def test_included_files_count_as_elements(tmp_path):
+    for name in "abc":
+        text = f"<mujoco><worldbody>{3000 * '<site/>'}</worldbody></mujoco>"
+        lab_files.written(tmp_path, text, f"{name}.xml")
+    includes = "".join(f'<include file="{name}.xml"/>' for name in "abc")
+    path = lab_files.written(tmp_path, f"<mujoco>{includes}</mujoco>")
+    assert "elements with its included files" in adapt(path).left[0]
+
+
 def test_the_docs_list_all_adaptations_in_their_order():
     page = Path(__file__).parents[3] / "docs" / "adapting.md"
     assert re.findall(r"^\| `([\w-]+)` \|", page.read_text(), re.MULTILINE) == list(ADAPTATIONS)
