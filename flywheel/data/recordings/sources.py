@@ -52,6 +52,8 @@ Radius = Annotated[float, Bounds(1e-4, 100, "m"), BeforeValidator(_metres)]  # o
 Length = Annotated[Coordinate, BeforeValidator(_metres)]
 PerTurn = Annotated[float, Bounds(1e-3, 1e9), BeforeValidator(_per_turn)]
 Triple = tuple[Length, Length, Length]
+Chosen = Annotated[float, Bounds(-1e15, 1e15)]  # by which rows are chosen; counters stay whole
+Part = Annotated[float, Bounds(-1.01, 1.01)]  # of a unit quaternion
 
 
 def factor_of(unit: str, what: str, drum: float | None, per: float | None = None) -> float:
@@ -112,7 +114,7 @@ class FileEntry(Frozen):
     time: Name | tuple[Name, ...] = ()
     unit: TimeUnit | None = None
     rate: Annotated[float, Bounds(1e-3, 1e6, "Hz")] | None = None
-    where: dict[Name, float | Name] = Field(default={})
+    where: dict[Name, Chosen | Name] = Field(default={})
     offset: Annotated[float, Bounds(-1e11, 1e11, "s")] = 0.0
     pace: Annotated[float, Bounds(0.5, 2)] = 1.0
     align: Literal["auto"] | None = None
@@ -184,7 +186,7 @@ class PoseSource(_Sourced):
     order: Annotated[str, Field(pattern=r"^(xyzw|wxyz|[xyz]{3}|[XYZ]{3})$")] | None = None
     unit: Literal["deg", "rad"] | None = None
     at: Triple = (0.0, 0.0, 0.0)
-    turned: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
+    turned: tuple[Part, Part, Part, Part] = (1.0, 0.0, 0.0, 0.0)
 
     @model_validator(mode="before")
     @classmethod
