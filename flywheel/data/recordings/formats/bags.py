@@ -24,7 +24,8 @@ def read(path: Path, names: tuple[str, ...]) -> Contents:
         path = path.parent
     topics: dict[str, Topic] = {}
     try:
-        with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
+        # Bags without definitions are of Humble or before.
+        with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
             _collect(reader, topics, notes)
     except Exception as error:  # rosbags raises whatever a damaged file leads to
         if isinstance(error, DataError):
@@ -36,17 +37,19 @@ def read(path: Path, names: tuple[str, ...]) -> Contents:
 
 
 def _collect(reader: Any, topics: dict[str, Topic], notes: list[str]) -> None:
-    unknown = set()
+    from rosbags.highlevel import AnyReaderError  # an extra
+
+    unread = dict[str, str]()  # topic -> why
     for connection, logged, raw in reader.messages():
         try:
             message = reader.deserialize(raw, connection.msgtype)
-        except KeyError:  # a kind of message without a definition
-            unknown.add(connection.topic)
-            continue
-        topics.setdefault(connection.topic, Topic(connection.topic)).add(message, logged)
-    notes += [
-        f"{topic} is left out: the bag does not define its messages" for topic in sorted(unknown)
-    ]
+        except KeyError:
+            unread[connection.topic] = "the bag does not define them"
+        except AnyReaderError as error:  # another version's, or damaged
+            unread.setdefault(connection.topic, str(error))
+        else:
+            topics.setdefault(connection.topic, Topic(connection.topic)).add(message, logged)
+    notes += [f"messages of {topic} are left out: {why}" for topic, why in sorted(unread.items())]
 
 
 def contents(topics: dict[str, Topic], notes: list[str]) -> Contents:
@@ -57,7 +60,8 @@ def contents(topics: dict[str, Topic], notes: list[str]) -> Contents:
     """
     streams = [found for topic in topics.values() if (found := topic.stream()) is not None]
     if not streams:
-        raise DataError(f"none of its {len(topics)} topics has two messages with numbers.")
+        why = "".join(f" {note}." for note in notes)
+        raise DataError(f"none of its {len(topics)} topics has two messages with numbers.{why}")
     for each in streams:
         for name, values in each.columns.items():
             if subnormal(values):

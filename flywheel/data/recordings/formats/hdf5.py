@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import posixpath
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,8 @@ import numpy as np
 from flywheel.data.recordings.formats.arrays import check_size, streams
 from flywheel.data.recordings.formats.stream import Contents
 from flywheel.errors import ConfigError, DataError
+
+MOST_LINKS = 10  # to links, one after the other
 
 
 def read(path: Path, names: tuple[str, ...]) -> Contents:
@@ -22,27 +25,16 @@ def read(path: Path, names: tuple[str, ...]) -> Contents:
     left: list[str] = []
     with path.open("rb") as file:
         matlab = file.read(6) == b"MATLAB"
-
-    def visit(name: str, each: Any) -> None:
-        if not isinstance(each, h5py.Dataset) or name.startswith("#"):
-            return
-        plain = each.dtype.names or each.dtype.kind in "biuf"
-        if not plain or each.is_virtual or each.external or "MATLAB_empty" in each.attrs:
-            left.append(name)
-            return
-        check_size(each.size or 0, name)
-        check_size(sum(a.size for a in found.values()), "the file")
-        name = name.replace("/", ".") if matlab else name
-        if each.dtype.names:
-            values = each[()]
-            numbers = [f for f in each.dtype.names if values.dtype[f].kind in "biuf"]
-            found.update({f"{name}.{f}": np.asarray(values[f]) for f in numbers})
-        else:
-            found[name] = np.asarray(each[()]).T if matlab else np.asarray(each[()])
-
     try:
         with h5py.File(path, "r") as opened:
-            opened.visititems(visit)
+            for name, each in _data_sets(opened).items():
+                plain = each.dtype.names or each.dtype.kind in "biuf"
+                if not plain or each.is_virtual or each.external or "MATLAB_empty" in each.attrs:
+                    left.append(name)
+                    continue
+                check_size(each.size or 0, name)
+                check_size(sum(a.size for a in found.values()), "the file")
+                found |= _columns(name.replace("/", ".") if matlab else name, each, matlab)
     except DataError:
         raise
     except Exception as error:  # h5py raises whatever a damaged file leads to
@@ -50,3 +42,38 @@ def read(path: Path, names: tuple[str, ...]) -> Contents:
     return streams(
         found, tuple(f"{name!r} is left out: it has no numbers of its own" for name in left)
     )
+
+
+def _columns(name: str, each: Any, turned: bool) -> dict[str, Any]:
+    """The array of a data set, or one for each field that is a number; MATLAB turned it."""
+    values = np.asarray(each[()])
+    if values.dtype.names:
+        numbers = [f for f in values.dtype.names if values.dtype[f].kind in "biuf"]
+        return {f"{name}.{f}": np.asarray(values[f]) for f in numbers}
+    return {name: values.T if turned else values}
+
+
+def _data_sets(file: Any) -> dict[str, Any]:
+    """Data sets by each of their paths: `visititems` names them once, and leaves out soft links."""
+    import h5py  # an extra
+
+    found, links = dict[str, Any](), dict[str, str]()
+
+    def visit(name: str, group: Any) -> None:
+        if not isinstance(group, h5py.Group) or name.startswith("#"):
+            return
+        for key in group:
+            path, link = posixpath.join(name, key), group.get(key, getlink=True)
+            if isinstance(link, h5py.SoftLink):
+                links[path] = posixpath.join(name, link.path).lstrip("/")
+            elif isinstance(link, h5py.HardLink) and isinstance(group[key], h5py.Dataset):
+                found[path] = group[key]
+
+    visit("", file)
+    file.visititems(visit)
+    for path, target in links.items():
+        for _ in range(MOST_LINKS):
+            target = links.get(target, target)
+        there = [name for name in found if f"{name}/".startswith(f"{target}/")]
+        found |= {path + name[len(target) :]: found[name] for name in there}
+    return found

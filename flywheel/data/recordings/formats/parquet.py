@@ -16,6 +16,7 @@ from flywheel.files import read_json
 from flywheel.records import Floats
 
 EPISODE, FRAME = "episode_index", "frame_index"
+PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 
 
 def read(path: Path, names: tuple[str, ...]) -> Contents:
@@ -83,10 +84,13 @@ def _columns(path: Path) -> tuple[dict[str, Floats], list[str]]:
 
 
 def _values(values: Any) -> Floats | None:
-    """(N,) or (N, k) numbers of a column; None where it has none, or lists of different lengths."""
+    """(N,) or (N, k) numbers of a column; None where it has none, or lists of different lengths.
+
+    Dates and durations are seconds.
+    """
     kind = values.type
-    if pa.types.is_timestamp(kind):
-        return np.asarray(values.cast(pa.timestamp("ns", kind.tz)).cast(pa.int64())) / 1e9
+    if pa.types.is_timestamp(kind) or pa.types.is_duration(kind):
+        return np.asarray(values.cast(pa.int64())) / PER_SECOND[kind.unit]
     if pa.types.is_list(kind) or pa.types.is_large_list(kind) or pa.types.is_fixed_size_list(kind):
         inner = _values(values.flatten()) if len(values) and not values.null_count else None
         if inner is None or len(inner) % len(values):
@@ -98,7 +102,9 @@ def _values(values: Any) -> Floats | None:
             return None
         return inner.reshape(len(values), -1)
     try:
-        return np.asarray(values.cast(pa.float64()).to_numpy(zero_copy_only=False), np.float64)
+        # Not `safe`, which refuses whole numbers from 2^53 on: nanoseconds since 1970 are rounded.
+        numbers = values.cast(pa.float64(), safe=False)
+        return np.asarray(numbers.to_numpy(zero_copy_only=False), np.float64)
     except (pa.ArrowInvalid, pa.ArrowNotImplementedError):
         return None
 

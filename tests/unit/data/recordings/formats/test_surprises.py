@@ -1,13 +1,21 @@
 """Where readers of formats do not do what one would guess, the numbers are right or the file is refused."""
 
 import json
+import sqlite3
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pytest
+from pyarrow import parquet
 
 from flywheel.data.recordings.formats import Stream, open_log
 from flywheel.errors import DataError
+
+NOW = (
+    1_760_000_000_000_000_000  # [ns] since 1970, beyond the whole numbers that a float64 can count
+)
+STEP = 10_000_000  # [ns]
 
 
 def only(path: Path) -> Stream:
@@ -138,3 +146,84 @@ def test_a_file_that_is_not_read_is_told_why(content: bytes, words: str, tmp_pat
     (tmp_path / "a.dat").write_bytes(content)
     with pytest.raises(DataError, match=words):
         open_log(tmp_path / "a.dat")
+
+
+def test_nanoseconds_and_durations_of_parquet_are_times(tmp_path: Path) -> None:
+    stamps = NOW + STEP * np.arange(5)
+    table = {
+        "stamp": stamps,
+        "unsigned": stamps.astype(np.uint64),
+        "since": pa.array(STEP * np.arange(5), pa.duration("ns")),
+        "milliseconds": pa.array(10 * np.arange(5), pa.duration("ms")),
+        "date": pa.array(stamps, pa.timestamp("ns")),
+        "far": pa.array([253_402_300_799] * 5, pa.timestamp("s")),  # the year 9999
+        "x": pa.array([1.0, None, np.nan, 4.0, 5.0]),
+    }
+    parquet.write_table(pa.table(table), tmp_path / "log.parquet")
+    found = only(tmp_path / "log.parquet").columns
+    for name in ("stamp", "unsigned"):
+        np.testing.assert_array_equal(found[name], stamps.astype(float))
+    np.testing.assert_allclose(found["since"], 0.01 * np.arange(5))
+    np.testing.assert_allclose(found["milliseconds"], 0.01 * np.arange(5))
+    np.testing.assert_allclose(found["date"] - NOW / 1e9, 0.01 * np.arange(5), atol=3e-7)
+    assert found["far"][0] == 253_402_300_799
+    np.testing.assert_array_equal(found["x"], [1, np.nan, np.nan, 4, 5])
+
+
+def test_an_hdf5_array_has_the_name_of_each_link_to_it(tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "other.h5", "w") as file:
+        file["y"] = np.zeros(5)
+    with h5py.File(tmp_path / "log.h5", "w") as file:
+        file["clock/t"] = 0.01 * np.arange(5)
+        file["motor/torque"] = np.arange(5.0)
+        file["motor/t"] = file["clock/t"]
+        file["camera/t"] = h5py.SoftLink("/clock/t")
+        file["camera/own"] = h5py.SoftLink("t")
+        file["same"] = h5py.SoftLink("/motor")
+        file["motor/up"] = h5py.SoftLink("/")
+        file["nowhere"] = h5py.SoftLink("/none")
+        file["other"] = h5py.ExternalLink("other.h5", "/y")
+    found = only(tmp_path / "log.h5").columns
+    times = {"clock/t", "motor/t", "camera/t", "camera/own", "same/t"}
+    assert set(found) == times | {"motor/torque", "same/torque"}
+    for name in times:
+        np.testing.assert_array_equal(found[name], 0.01 * np.arange(5))
+    np.testing.assert_array_equal(found["same/torque"], np.arange(5.0))
+
+
+@pytest.mark.parametrize("distribution", ["ROS2_FOXY", "ROS2_HUMBLE"])
+def test_a_bag_without_definitions_is_read_message_by_message(
+    distribution: str, tmp_path: Path
+) -> None:
+    pytest.importorskip("rosbags")
+    from rosbags.rosbag2 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores[distribution])
+    make = {name.split("/")[-1]: kind for name, kind in store.types.items()}
+    with Writer(tmp_path / "bag", version=9) as writer:
+        ranges, numbers, others = (
+            writer.add_connection(f"/{name}", kind, typestore=store)
+            for name, kind in (
+                ("range", "sensor_msgs/msg/Range"),
+                ("x", "std_msgs/msg/Float64"),
+                ("other", "sensor_msgs/msg/Range"),
+            )
+        )
+        for i in range(3):
+            header = make["Header"](stamp=make["Time"](sec=5, nanosec=i), frame_id="a")
+            seen = make["Range"](header, 0, 0.1, 0.0, 4.0, 1.5 + i)
+            number = store.serialize_cdr(make["Float64"](float(i)), numbers.msgtype)
+            writer.write(others, 10 * i, number)  # not what its topic says
+            writer.write(ranges, 10 * i, store.serialize_cdr(seen, ranges.msgtype))
+            writer.write(numbers, 10 * i, number)
+    with sqlite3.connect(next((tmp_path / "bag").glob("*.db3"))) as bag:  # as Humble wrote it
+        bag.execute("DROP TABLE message_definitions")
+        bag.execute("ALTER TABLE topics DROP COLUMN type_description_hash")
+        bag.execute("UPDATE schema SET schema_version = 3")
+    read = open_log(tmp_path / "bag")
+    found = {name: values for stream in read.streams for name, values in stream.columns.items()}
+    np.testing.assert_array_equal(found["/x.data"], [0, 1, 2])
+    np.testing.assert_array_equal(found["/range.range"], [1.5, 2.5, 3.5])
+    assert [note.split(":")[0] for note in read.notes] == ["messages of /other are left out"]
