@@ -122,6 +122,7 @@ class Substituting:
 
     def __init__(self, parts: Parts, replaced: Sequence[str]) -> None:
         self._step, self._replaced = step_of(parts), set(replaced)
+        self._millimetres = parts.config.load_features
         self.truth: Iterator[MechanicalState | None] = iter(())
 
     def features(
@@ -140,7 +141,8 @@ class Substituting:
         shown = self._step.features(self._state, origin, controls, dataset, ground)
         if GROUND in self._replaced:
             true = self._step.features(truth, origin, controls, dataset, ground)
-            shown.nodes["body_node"][3] = true.nodes["body_node"][3]
+            for row in (3, -4) if self._millimetres else (3,):
+                shown.nodes["body_node"][row] = true.nodes["body_node"][row]
             shown.edges["contact"][0] = true.edges["contact"][0]
             shown = dataclasses.replace(shown, touching=true.touching)
         return shown

@@ -42,6 +42,7 @@ class Attachments:
       axes: (R,) rows of the rods' axes.
       rod: (2 C,) rod of each end, 0 where it has none.
       on_rod: the ends on each rod.
+      edge: (C,) the cable edge that starts at each cable's first end.
       stiffness, bound: (C, 1) relative stiffness, and that in the bound on the curvature.
     """
 
@@ -76,7 +77,7 @@ class Attachments:
         rod = on_rod.argmax(axis=0) if len(on_rod) else np.zeros(len(ends), dtype=int)
         self.rod = torch.as_tensor(rod, device=graph.device)
         self.on_rod = [torch.as_tensor(np.flatnonzero(r), device=graph.device) for r in on_rod]
-        self._edge = graph.relations["cable"].origin.argsort()[::2]
+        self.edge = graph.relations["cable"].origin.argsort()[::2]
 
     def positions(self, frames: Tensor, sides: Tensor, origin: Tensor) -> tuple[Tensor, Tensor]:
         """(3, 2 C, K) positions of all ends [m], and their component across a rod's axis [m].
@@ -156,7 +157,7 @@ class Attachments:
 
     def rest(self, winch: Tensor) -> Tensor:
         """(C, K) rest lengths of the cables [m]."""
-        return self._graph.rest_lengths(winch)[self._edge]
+        return self._graph.rest_lengths(winch)[self.edge]
 
     def _descended(self, frames: Tensor, sides: Tensor, origin: Tensor, rest: Tensor) -> Tensor:
         """All rods turned once towards less energy, by Newton's method with a bound as curvature."""

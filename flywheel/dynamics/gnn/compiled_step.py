@@ -9,9 +9,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from flywheel.dynamics.gnn.features import GraphFeatures, MechanicalState
+from flywheel.dynamics.gnn.features import DEPTH, GraphFeatures, MechanicalState, feature_fields
 from flywheel.dynamics.gnn.ground import Ground
-from flywheel.dynamics.gnn.kernels import ends, features, motion
+from flywheel.dynamics.gnn.kernels import ends, features, loads, motion
 from flywheel.dynamics.gnn.prediction import Prediction
 from flywheel.dynamics.gnn.rigid import nearest_rotation
 from flywheel.dynamics.gnn.step import Motion, Parts
@@ -31,11 +31,13 @@ class CompiledStep:
         self.exact = parts.config.cable_ends == "attachments"
         self.rolls = self.exact and parts.attachments.rolls
         self.layout, self.ends, self.drives = _layout(parts), _ends(parts), _drives(parts)
-        self.pairs = _pairs(parts)
+        self.loads, self.pairs = _loads(parts), _pairs(parts)
         count, places = len(graph.nodes), graph.anchors.shape[1]
         self.count = count
         self.anchored = np.arange(count, count + places), np.full(places, self.layout.first)
         self.head = frames.bodies + frames.single
+        fields = feature_fields(graph.robot, parts.config)["body_node"]
+        self.shown = sum(field.width for field in fields)
 
     def features(
         self,
@@ -133,12 +135,13 @@ class _Features(torch.autograd.Function):
         vectors, speeds, heading, normal, nodes = _arrays(
             seen.vectors, seen.speeds, seen.heading, seen.normal, seen.nodes
         )
-        body = torch.empty(14 if layout.configured else 4, step.count, samples)
+        body = torch.empty(step.shown, step.count, samples)
         touching = torch.empty(step.count, samples)
         features.of_nodes(
             layout, vectors, speeds, heading, height.numpy(), normal, *_arrays(body, touching)
         )
         rest = step.graph.rest_lengths(winch)
+        loaded = _accelerated(step, frames, seen, rest, body) if step.config.load_features else None
         cable = torch.empty(18 if step.exact else 10, len(rest), samples)
         ended = _arrays(seen.end_places, seen.end_speeds, rest)
         features.of_cables(layout, nodes, *ended, heading, cable.numpy())
@@ -151,7 +154,7 @@ class _Features(torch.autograd.Function):
         anchor[3] = torch.linalg.vector_norm(anchor[:3], dim=0)
         upward = torch.empty(3, 1, samples)
         features.turn(normal, layout.first, heading, upward.numpy(), 0, 0)
-        ctx.step, ctx.seen = step, seen
+        ctx.step, ctx.seen, ctx.loaded = step, seen, loaded
         ctx.save_for_backward(body, cable, anchor)
         ctx.mark_non_differentiable(touching, upward)
         return body, cable, contact, pair, anchor, touching, upward
@@ -185,6 +188,9 @@ class _Features(torch.autograd.Function):
             layout, g_cable.numpy(), nodes, *ended, heading, cable.numpy(), *grown, g_h
         )
         g_frames = torch.zeros(3, step.maps.shape[1], body.shape[-1])
+        if ctx.loaded is not None:
+            wanted = g_heading, g_frames, g_vectors, g_ends, g_end_speeds, g_rest
+            _accelerated_adjoint(step, seen, ctx.loaded, g_body, *wanted)
         _end_gradients(step, seen, g_ends, g_end_speeds, g_frames, g_speeds)
         g_vectors[:, : step.count] += g_nodes[:, : step.count]
         features.of_nodes_adjoint(
@@ -238,6 +244,68 @@ def _seen(
         vectors, speeds, heading, normal, nodes, places, moving, sides, axes, unit, across, turning
     )
     return seen, height.expand(shape).contiguous()
+
+
+@dataclass(frozen=True)
+class _Loaded:
+    """Intermediate values of the nodes' accelerations; arrays as `loads.accelerate` takes them."""
+
+    centres: Tensor
+    axes: Tensor
+    rest: Tensor
+    torque: Tensor
+    turning: Tensor
+    out: Tensor
+
+
+def _accelerated(
+    step: CompiledStep, frames: Tensor, seen: _Seen, rest: Tensor, body: Tensor
+) -> _Loaded:
+    """The nodes' accelerations by cables and gravity; they become the last features (F, N, K) of `body`."""
+    numbers, samples = step.parts.builder.loads, frames.shape[-1]
+    centres, axes = (torch.matmul(way, frames) for way in (numbers.centres, numbers.axes))
+    torque, turning = torch.zeros(2, 3, len(numbers.ease), samples)
+    out = torch.empty(3, step.count, samples)
+    found = _Loaded(centres, axes, rest[step.parts.attachments.edge], torque, turning, out)
+    loads.accelerate(
+        step.loads, *_arrays(centres, axes, seen.vectors, seen.end_places),
+        *_arrays(seen.end_speeds, found.rest, torque, turning, out),
+    )  # fmt: skip
+    for n in range(step.count):
+        features.turn(out.numpy(), n, seen.heading.numpy(), body.numpy(), step.shown - 3, n)
+    return found
+
+
+def _accelerated_adjoint(
+    step: CompiledStep,
+    seen: _Seen,
+    known: _Loaded,
+    g_body: Tensor,
+    g_heading: Tensor,
+    g_frames: Tensor,
+    g_vectors: Tensor,
+    g_ends: Tensor,
+    g_end_speeds: Tensor,
+    g_rest: Tensor,
+) -> None:
+    """Add the gradients that come by the nodes' accelerations."""
+    numbers, g_out = step.parts.builder.loads, torch.zeros_like(known.out)
+    heading, g_h = _arrays(seen.heading, g_heading)
+    for n in range(step.count):
+        features.turn_adjoint(
+            g_body.numpy(), step.shown - 3, n, known.out.numpy(), n, heading, g_out.numpy(), g_h
+        )
+    g_centres, g_axes = torch.zeros_like(known.centres), torch.zeros_like(known.axes)
+    g_cables = torch.zeros_like(known.rest)
+    given = known.centres, known.axes, seen.vectors, seen.end_places, seen.end_speeds
+    grown = g_centres, g_axes, g_vectors, g_ends, g_end_speeds, g_cables
+    loads.accelerate_adjoint(
+        step.loads, *_arrays(g_out, *given, known.rest, known.torque, known.turning, known.out),
+        *_arrays(*grown),
+    )  # fmt: skip
+    g_rest[step.parts.attachments.edge] += g_cables
+    g_frames += torch.matmul(numbers.centres.t(), g_centres)
+    g_frames += torch.matmul(numbers.axes.t(), g_axes)
 
 
 def _end_gradients(
@@ -371,6 +439,7 @@ def _layout(parts: Parts) -> features.Layout:
         near=config.contact_threshold * length,
         first=int(graph.designated[0]),
         second=int(graph.designated[1]),
+        fine=DEPTH * length if config.load_features else 0.0,
         radius=_float(radius),
         senders=cable.senders.numpy(),
         receivers=cable.receivers.numpy(),
@@ -399,6 +468,21 @@ def _ends(parts: Parts) -> ends.Ends:
         on_rod=np.concatenate([np.zeros(0, np.int64), *on_rod]),
         stiffness=_float(attachments.stiffness[:, 0]),
         bound=_float(attachments.bound[:, 0]),
+    )
+
+
+def _loads(parts: Parts) -> loads.Loads:
+    numbers = parts.builder.loads
+    return loads.Loads(
+        stiffness=_float(numbers.stiffness[:, 0]),
+        damping=_float(numbers.damping[:, 0]),
+        driven=numbers.driven[:, 0].long().numpy(),
+        of_end=numbers.of_end.numpy(),
+        of_axis=numbers.of_axis.numpy(),
+        of_node=numbers.of_node.numpy(),
+        lightness=_float(numbers.lightness[:, 0]),
+        ease=_float(numbers.ease[:, 0]),
+        more=_float(numbers.more[:, 0]),
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import model_validator
 
 from flywheel.quantities import Bounds, ControlStep, PositiveRobotLengths
 from flywheel.validation import Frozen
@@ -27,6 +27,9 @@ class NetworkConfig(Frozen):
       smooth_present: also take the present positions from that fit instead of the measurement.
       config_features: give nodes their position relative to a designated node and to their body's
         centre of mass, and the body's axis.
+      load_features: give nodes the acceleration that cables and gravity alone would cause by the robot's
+        numbers (0 in the measured past), and the logarithm of their distance to the ground. Needs
+        cable_ends "attachments".
       cable_ends: ends of a cable in its features: the points of attachment on the bodies, with a
         rod's invisible roll computed from the cables ("attachments"), or the nodes that represent
         them ("nodes").
@@ -63,6 +66,7 @@ class NetworkConfig(Frozen):
     velocity_window: Annotated[int, Bounds(1, 1000, "steps")] = 1
     smooth_present: bool = False
     config_features: bool = True
+    load_features: bool = True
     cable_ends: Literal["attachments", "nodes"] = "attachments"
     recurrent: bool = True
     winch: Literal["learned", "residual", "analytic"] = "residual"
@@ -77,6 +81,12 @@ class NetworkConfig(Frozen):
     mechanics: Literal["learned", "mjcf", "heuristic", "uninformed"] = "learned"
 
     @model_validator(mode="after")
+    def _loads_at_attachments(self) -> Self:
+        if self.load_features and self.cable_ends != "attachments":
+            raise ValueError("load_features need cable_ends attachments; got nodes")
+        return self
+
+    @model_validator(mode="after")
     def _analytic_mechanics_step_by_step(self) -> Self:
         if self.mechanics != "learned" and (self.chunk, self.cable_ends) != (1, "attachments"):
             raise ValueError(
@@ -84,12 +94,6 @@ class NetworkConfig(Frozen):
                 f"{self.chunk} and {self.cable_ends}"
             )
         return self
-
-    @model_serializer(mode="wrap")
-    def _as_before(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Learned mechanics are not written: digests of weights include these settings."""
-        values: dict[str, Any] = dump(self)
-        return {k: v for k, v in values.items() if (k, v) != ("mechanics", "learned")}
 
     @classmethod
     def lean(cls, **changes: Any) -> NetworkConfig:
@@ -101,6 +105,7 @@ class NetworkConfig(Frozen):
         """The paper's network; at its own width of 512 it is hundreds of times slower than `lean`."""
         settings: dict[str, Any] = {
             "decomposition": "primitives",
+            "load_features": False,
             "cable_ends": "nodes",
             "rounds": 4,
             "winch": "learned",
@@ -116,6 +121,7 @@ class NetworkConfig(Frozen):
         """A network that adds contacts to analytic cables and gravity, a control step at a time."""
         settings: dict[str, Any] = {
             "mechanics": "mjcf",
+            "load_features": False,
             "chunk": 1,
             "control_history": 0,
             "recurrent": False,

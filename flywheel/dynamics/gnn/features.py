@@ -16,8 +16,11 @@ from flywheel.dynamics.gnn.attachments import Attachments
 from flywheel.dynamics.gnn.config import NetworkConfig
 from flywheel.dynamics.gnn.graph import RobotGraph
 from flywheel.dynamics.gnn.ground import Ground, flat_ground
+from flywheel.dynamics.gnn.loads import CableLoads
 from flywheel.dynamics.gnn.rigid import Frames
 from flywheel.robots import GRAVITY, Robot
+
+DEPTH = 1e-3  # clearance from which its logarithm is shown, as a fraction of the robot's length
 
 
 @dataclass(frozen=True)
@@ -45,7 +48,12 @@ def feature_fields(robot: Robot, config: NetworkConfig) -> dict[str, tuple[Field
     at_ends = (Field(3, length), Field(3, length), Field(2, 1.0)) if exact else ()
     place = (Field(3, length), Field(1, length), Field(3, length), unit)
     return {
-        "body_node": (Field(3, speed), clearance, *(place if config.config_features else ())),
+        "body_node": (
+            Field(3, speed),
+            clearance,
+            *(place if config.config_features else ()),
+            *((Field(1, 1.0), Field(3, 1.0)) if config.load_features else ()),
+        ),
         "anchor_node": (Field(3, length), Field(1, length)),
         "ground_node": (unit,),
         "body": (Field(3, length),),
@@ -125,7 +133,8 @@ class _Ends:
 class _View:
     """A state in the axes of the features; (3, N, K) each but the clearance (N, K) and anchors.
 
-    `ends` is None if cables end at nodes.
+    `ends` is None if cables end at nodes. `loads` are the nodes' accelerations by cables and gravity; None if
+    they are not shown.
     """
 
     nodes: Tensor
@@ -136,6 +145,7 @@ class _View:
     clearance: Tensor
     normal: Tensor
     ends: _Ends | None
+    loads: Tensor | None
 
 
 class FeatureBuilder:
@@ -145,6 +155,9 @@ class FeatureBuilder:
       graph: the robot's graph.
       frames: layout of its rigid frames.
       attachments: of its cables; used for states with sides.
+
+    Attributes:
+      loads: accelerations by the cables.
     """
 
     def __init__(self, graph: RobotGraph, frames: Frames, attachments: Attachments) -> None:
@@ -157,7 +170,7 @@ class FeatureBuilder:
             name: eye[relation.senders] - eye[relation.receivers]
             for name, relation in graph.relations.items()
         }
-        self._attachments = attachments
+        self._attachments, self.loads = attachments, CableLoads(graph, frames, attachments)
         sender = graph.relations["cable"].origin  # edges are numbered as the ends they start at
         self._ends = sender, sender ^ 1
         if "contact" in graph.relations:
@@ -228,11 +241,21 @@ class FeatureBuilder:
         nodes = vectors[:, : self._count]
         clearance, normal = self._clearance(nodes, origin, ground)
         anchors = self._graph.anchors_from(origin, nodes.shape[-1])
-        velocities, ends = state.velocities, None
+        velocities, ends, loads = state.velocities, None, None
         if state.sides is not None:
             places, across = self._attachments.positions(state.frames, state.sides, origin)
             speeds = self._attachments.velocities(state.frames, across, velocities)
             ends = _Ends(places, speeds)
+        if self._config.load_features:
+            loads = torch.zeros_like(nodes)
+            if ends is not None:
+                arms, rest = (
+                    vectors[:, self._count : 2 * self._count],
+                    self._attachments.rest(state.winch),
+                )
+                loads = self.loads.accelerations(
+                    state.frames, arms, ends.places, ends.velocities, rest
+                )
         if heading is not None:
             vectors, velocities, anchors = (
                 turn(v, heading) for v in (vectors, velocities, anchors)
@@ -240,8 +263,10 @@ class FeatureBuilder:
             normal = turn(normal, heading)
             if ends is not None:
                 ends = _Ends(turn(ends.places, heading), turn(ends.velocities, heading))
+            if loads is not None:
+                loads = turn(loads, heading)
         nodes, arms, axes = vectors.split(self._count, dim=1)
-        return _View(nodes, arms, axes, velocities, anchors, clearance, normal, ends)
+        return _View(nodes, arms, axes, velocities, anchors, clearance, normal, ends, loads)
 
     def _clearance(self, nodes: Tensor, origin: Tensor, ground: Ground) -> tuple[Tensor, Tensor]:
         """(N, K) distance from each node's surface to the ground, and the ground's normal there."""
@@ -257,6 +282,9 @@ class FeatureBuilder:
         if self._config.config_features:
             place = view.nodes - view.nodes[:, self._first, None]
             parts += [place, _norm(place), view.arms, view.axes]
+        if view.loads is not None:
+            # What the ground bears lies within millimetres: too little to be seen beside the clearance.
+            parts += [torch.asinh(view.clearance / (DEPTH * self._length))[None], view.loads]
         return torch.cat(parts)
 
     def _seen(self, clearance: Tensor) -> Tensor:

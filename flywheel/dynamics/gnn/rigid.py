@@ -133,6 +133,10 @@ class Frames:
         """The rows of a body's vectors."""
         return [self._row[body, k] for k in range(len(self._axes[body].vectors))]
 
+    def vectors(self, body: int) -> Floats:
+        """(r, 3) a body's vectors in its frame."""
+        return self._axes[body].vectors
+
     def across(self, body: int, offset: Floats) -> Floats:
         """(2,) invisible coordinates of a place in a rod, across its axis [m].
 

@@ -22,7 +22,7 @@ from flywheel.dynamics.weight_files import (
 from flywheel.errors import ModelError
 from flywheel.robots import Robot
 
-_FORMAT = 2  # 1: cables between nodes
+_FORMAT = 3  # 1: cables between nodes; 2: nodes without loads
 _ABOUT = {"digest": str, "robot": str, "config": dict}
 _DEEPEST = 1000  # layers, or rounds
 _NARROW = (4, 5)  # widths

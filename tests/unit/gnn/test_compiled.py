@@ -20,7 +20,10 @@ CONFIGS = {
     "paper": NetworkConfig.paper(width=WIDTH),
     "in primitives": NetworkConfig.lean(width=WIDTH, decomposition="primitives"),
     "in world axes": NetworkConfig.lean(width=WIDTH, yaw_frame=False),
-    "with cables between nodes": NetworkConfig.lean(width=WIDTH, cable_ends="nodes"),
+    "with cables between nodes": NetworkConfig.lean(
+        width=WIDTH, cable_ends="nodes", load_features=False
+    ),
+    "without load features": NetworkConfig.lean(width=WIDTH, load_features=False),
     "without config features": NetworkConfig.lean(width=WIDTH, config_features=False),
     "without contact edges": NetworkConfig.lean(width=WIDTH, contact_edges=False),
     "with a learned winch": NetworkConfig.lean(width=WIDTH, winch="learned"),

@@ -91,7 +91,7 @@ def features(robot, config, window, controls=None):
 
 def test_cable_features_between_nodes_are_what_they_are_called(robots, make_window, seed):
     robot = robots["prism3"]
-    config = NetworkConfig.lean(width=16, yaw_frame=False, cable_ends="nodes")
+    config = NetworkConfig.lean(width=16, yaw_frame=False, cable_ends="nodes", load_features=False)
     window = make_window(robot, config, seed)
     shown, parts = features(robot, config, window)
     graph, present = parts.graph, window.past_points[:, -1]

@@ -129,9 +129,3 @@ def test_cables_are_as_taut_in_the_keyframe_as_the_mjcfs(mechanics) -> None:
 def test_mechanics_need_single_steps_and_attachments(changes) -> None:
     with pytest.raises(ValidationError, match="needs a chunk of 1"):
         NetworkConfig.hybrid(**changes)
-
-
-def test_settings_without_mechanics_are_written_as_before() -> None:
-    assert "mechanics" not in NetworkConfig.lean().model_dump(mode="json")
-    config = NetworkConfig.hybrid(mechanics="heuristic")
-    assert NetworkConfig.model_validate(config.model_dump(mode="json")) == config

@@ -40,3 +40,11 @@ compiled: Any = njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST
 def norm(x: float, y: float, z: float, least: float) -> float:
     """Length of a vector, whose square is at least `least`."""
     return math.sqrt(max(x * x + y * y + z * z, least))
+
+
+@compiled
+def asinh(x: float) -> float:
+    """Inverse hyperbolic sine; as vector instructions, which `math.asinh` is not."""
+    size = abs(x)
+    root = math.log(size + math.sqrt(size * size + ONE))
+    return root if x > 0 else -root

@@ -13,6 +13,7 @@ from flywheel.dynamics.gnn.kernels.compiled import (
     ZERO,
     F,
     Index,
+    asinh,
     compiled,
     norm,
 )
@@ -30,6 +31,7 @@ class Layout(NamedTuple):
       vertical: horizontal distance of the designated nodes below which a robot has no heading [m].
       clamp, near: largest clearance in the features, and that below which a node touches [m].
       first, second: designated nodes.
+      fine: clearance from which its logarithm is shown [m]; 0 if loads are not shown.
       radius: (N,) of the contact sphere at each node [m]; 0 without ground.
       senders, receivers: (E,) nodes of each cable edge.
       ends: (E,) the cable's end at the sender; the other one is its neighbour.
@@ -46,6 +48,7 @@ class Layout(NamedTuple):
     near: float
     first: int
     second: int
+    fine: float
     radius: F
     senders: Index
     receivers: Index
@@ -141,12 +144,15 @@ def of_nodes(
     count, samples = speeds.shape[1], speeds.shape[2]
     clamp, near = np.float32(lay.clamp), np.float32(lay.near)
     way = np.empty((3, 1, samples), np.float32)
+    depth = len(out) - 4  # before the accelerations
     for n in range(count):
         turn(speeds, n, h, out, 0, n)
         for k in range(samples):
             clear = (vectors[2, n, k] - height[n, k]) * normal[2, n, k] - lay.radius[n]
             out[3, n, k] = min(clear, clamp)
             touching[n, k] = ONE if clear < near else ZERO
+            if lay.fine > 0:
+                out[depth, n, k] = asinh(clear / np.float32(lay.fine))
         if lay.configured == 1:
             difference(vectors, n, vectors, lay.first, way[:, 0])
             turn(way, 0, h, out, 4, n)
@@ -173,10 +179,13 @@ def of_nodes_adjoint(
     count, samples = speeds.shape[1], speeds.shape[2]
     clamp = np.float32(lay.clamp)
     way, g_way = np.empty((3, 1, samples), np.float32), np.empty((3, 1, samples), np.float32)
+    depth = len(out) - 4
     for n in range(count):
         turn_adjoint(g_out, 0, n, speeds, n, h, g_speeds, g_h)
         for k in range(samples):
             seen = g_out[3, n, k] if out[3, n, k] < clamp else ZERO
+            if lay.fine > 0:
+                seen += g_out[depth, n, k] / (np.float32(lay.fine) * math.cosh(out[depth, n, k]))
             g_vectors[0, n, k] += seen * normal[0, n, k]
             g_vectors[1, n, k] += seen * normal[1, n, k]
             g_vectors[2, n, k] += seen * normal[2, n, k]
@@ -199,13 +208,6 @@ def norm_adjoint(g_out: F, c: int, m: int, out: F, way: F, g_way: F) -> None:
         g_way[0, 0, k] = share * way[0, 0, k]
         g_way[1, 0, k] = share * way[1, 0, k]
         g_way[2, 0, k] = share * way[2, 0, k]
-
-
-@compiled
-def _asinh(x: float) -> float:
-    size = abs(x)
-    root = math.log(size + math.sqrt(size * size + ONE))
-    return root if x > 0 else -root
 
 
 @compiled
@@ -246,8 +248,8 @@ def of_cables(lay: Layout, nodes: F, ends: F, end_speeds: F, rest: F, h: F, out:
             difference(ends, a, nodes, lay.senders[e], way[:, 0])
             turn(way, 0, h, out, 13, e)
             for k in range(rest.shape[1]):
-                out[16, e, k] = _asinh(lay.stiffness[e] * out[9, e, k])
-                out[17, e, k] = _asinh(lay.damping[e] * out[7, e, k])
+                out[16, e, k] = asinh(lay.stiffness[e] * out[9, e, k])
+                out[17, e, k] = asinh(lay.damping[e] * out[7, e, k])
 
 
 @compiled
