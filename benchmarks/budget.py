@@ -61,6 +61,8 @@ PAST, MEMORY, GROUND = "past", "memory", "ground"  # what is replaced beside fie
 AS_IS, CLEAN, EVERYTHING = "nothing", "the measured past, by one without noise", "everything"
 RESTARTED, STILL = "MuJoCo restarted from the same past", "nothing moves"
 COASTING = "everything, and nothing accelerates"
+EACH_CHUNK = "the same, restarted again from its own points at every chunk"
+KEPT = "that, but rods keep their roll"
 CASES: dict[str, tuple[str, ...]] = {
     AS_IS: (),
     CLEAN: (PAST,),
@@ -282,11 +284,40 @@ class Budget:
             STILL: Persistence(self.robot, self.plant.dt),
         }
         found = {name: model.rollout(seen, ahead).points[:, 1:] for name, model in models.items()}
+        found |= {name: self.chained(seen, ahead, name == KEPT) for name in (EACH_CHUNK, KEPT)}
         steps = np.arange(self.truth.shape[1])
         within = steps % self.config.chunk + 1  # of a chunk
         begin = self.config.history + steps + 1 - within
         true, before = self.points[:, begin], self.points[:, begin - 1]
         return {COASTING: true + within[:, None, None] * (true - before), **found}
+
+    def chained(self, seen: Past, ahead: Floats, rolls: bool) -> Floats:
+        """(B, T, P, 3) points of the plant, which forgets at every chunk what points do not show [m].
+
+        Args:
+          seen: the past.
+          ahead: (B, T, W) commands.
+          rolls: it keeps the orientations of its bodies.
+        """
+        first = RestartedPlant(self.plant, self.config.velocity_window, roll="relaxed")
+        later = RestartedPlant(self.plant, 1, roll="relaxed")
+        state, found = first.estimate(seen), []
+        for begin in range(0, ahead.shape[1], self.config.chunk):
+            commands = ahead[:, begin : begin + self.config.chunk]
+            motion = self.plant.simulate(state, commands)
+            points, states = motion.observations.points, motion.states
+            assert states is not None
+            winch = self.plant.winch(states[:, -2:])
+            known = Past(Observation(points[:, -2:], winch), commands[:, -1:], winch)
+            state = later.estimate(known)
+            if rolls:
+                poses, own = (
+                    each.qpos.reshape(len(points), -1, FREE_POSITIONS)
+                    for each in (state, states[:, -1])
+                )
+                poses[..., 3:] = own[..., 3:]
+            found.append(points[:, 1:])
+        return np.concatenate(found, axis=1)
 
     def happened(self) -> tuple[Flags, Flags]:
         """Nodes that touch the ground (B, T + 1, N), and slack cables (B, T + 1, C)."""

@@ -7,7 +7,10 @@ import torch
 from benchmarks.budget import (
     AS_IS,
     CASES,
+    EACH_CHUNK,
     EVERYTHING,
+    KEPT,
+    RESTARTED,
     Budget,
     measured,
     regions,
@@ -56,6 +59,8 @@ def test_substitutions_change_chunks_after_the_first_and_all_parts_together_leav
     of = {row.replaced: row for row in rows}
     assert of[EVERYTHING].e_pos < 0.5 * of[AS_IS].e_pos
     assert of[EVERYTHING].e_rot < of[AS_IS].e_rot
+    assert of[EACH_CHUNK].first == of[RESTARTED].first == of[KEPT].first
+    assert of[RESTARTED].e_pos < of[KEPT].e_pos < of[EACH_CHUNK].e_pos
     assert {row.region: row.error for row in places}["all"] == pytest.approx(100.0)
     assert set(tables) == set(of)
     as_is, chunk = budget.predicted(()), budget.config.chunk
