@@ -1,4 +1,4 @@
-"""What cables and gravity alone would do to the bodies, by the robot's numbers.
+"""Accelerations of a robot's nodes that cables and gravity alone would cause, by the robot's numbers.
 
 A network that is shown strains has to learn products of lengths, directions and stiffness, and levers,
 before it can predict the simplest motion. Their result is an input instead: each node's acceleration if
