@@ -219,11 +219,6 @@ class Mechanics:
         """(3, P, K) tracked points [m]."""
         return self.points.positions(state, self.points.arms(state))
 
-    def change(self, state: RigidState, rest: Tensor, h: float) -> tuple[Tensor, Tensor]:
-        """(3, n, K) changes by cables and gravity of the velocities [m/s] and rates [rad/s] in h [s]."""
-        after = self._pushed(state, *self._impulse(state, rest, h))
-        return after.velocity - state.velocity, after.rate - state.rate
-
     def _impulse(self, state: RigidState, rest: Tensor, h: float) -> tuple[Tensor, Tensor]:
         force, torque = self.cables.wrench(state, rest)
         weight = GRAVITY * self._mass * force.new_tensor([0.0, 0.0, 1.0])[:, None, None]

@@ -243,19 +243,13 @@ class FeatureBuilder:
         anchors = self._graph.anchors_from(origin, nodes.shape[-1])
         velocities, ends, loads = state.velocities, None, None
         if state.sides is not None:
-            places, across = self._attachments.positions(state.frames, state.sides, origin)
-            speeds = self._attachments.velocities(state.frames, across, velocities)
-            ends = _Ends(places, speeds)
+            ends = self._ends_of(state, origin)
         if self._config.load_features:
-            loads = torch.zeros_like(nodes)
-            if ends is not None:
-                arms, rest = (
-                    vectors[:, self._count : 2 * self._count],
-                    self._attachments.rest(state.winch),
-                )
-                loads = self.loads.accelerations(
-                    state.frames, arms, ends.places, ends.velocities, rest
-                )
+            loads = (
+                torch.zeros_like(nodes)
+                if ends is None
+                else self.loaded(state, origin, ends).asinh()
+            )
         if heading is not None:
             vectors, velocities, anchors = (
                 turn(v, heading) for v in (vectors, velocities, anchors)
@@ -267,6 +261,25 @@ class FeatureBuilder:
                 loads = turn(loads, heading)
         nodes, arms, axes = vectors.split(self._count, dim=1)
         return _View(nodes, arms, axes, velocities, anchors, clearance, normal, ends, loads)
+
+    def loaded(self, state: MechanicalState, origin: Tensor, ends: _Ends | None = None) -> Tensor:
+        """(3, N, K) accelerations of the body nodes by cables and gravity alone [g], in world axes.
+
+        Args:
+          state: with the sides of its rods.
+          origin: (2, K) horizontal position of the state's origin in the world [m].
+          ends: of the cables, if they are known.
+        """
+        ends = ends or self._ends_of(state, origin)
+        arms = torch.matmul(self._maps[self._count : 2 * self._count], state.frames)
+        rest = self._attachments.rest(state.winch)
+        return self.loads.accelerations(state.frames, arms, ends.places, ends.velocities, rest)
+
+    def _ends_of(self, state: MechanicalState, origin: Tensor) -> _Ends:
+        """The cables' ends, in world axes."""
+        assert state.sides is not None
+        places, across = self._attachments.positions(state.frames, state.sides, origin)
+        return _Ends(places, self._attachments.velocities(state.frames, across, state.velocities))
 
     def _clearance(self, nodes: Tensor, origin: Tensor, ground: Ground) -> tuple[Tensor, Tensor]:
         """(N, K) distance from each node's surface to the ground, and the ground's normal there."""

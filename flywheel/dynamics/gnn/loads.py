@@ -71,7 +71,7 @@ class CableLoads:
     def accelerations(
         self, frames: Tensor, arms: Tensor, ends: Tensor, speeds: Tensor, rest: Tensor
     ) -> Tensor:
-        """(3, N, K) asinh of the body nodes' accelerations [g], in world axes.
+        """(3, N, K) accelerations of the body nodes [g], in world axes.
 
         Args:
           frames: (3, F, K) rigid frames.
@@ -94,7 +94,7 @@ class CableLoads:
         fall = torch.tensor([0.0, 0.0, 1.0], device=force.device)[:, None, None]
         moving = self.lightness * torch.matmul(self._on_body, force) - fall
         node = self.of_node
-        return (moving[:, node] + torch.linalg.cross(turning[:, node], arms, dim=0)).asinh()
+        return moving[:, node] + torch.linalg.cross(turning[:, node], arms, dim=0)
 
 
 def _turns(body: Body, visible: Floats) -> tuple[float, Floats, Floats]:

@@ -129,10 +129,6 @@ class Frames:
                 matrix[i, self._row[b, k]] = x
         return matrix
 
-    def vector_rows(self, body: int) -> list[int]:
-        """The rows of a body's vectors."""
-        return [self._row[body, k] for k in range(len(self._axes[body].vectors))]
-
     def vectors(self, body: int) -> Floats:
         """(r, 3) a body's vectors in its frame."""
         return self._axes[body].vectors

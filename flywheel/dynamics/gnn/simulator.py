@@ -32,7 +32,7 @@ from flywheel.dynamics.gnn.prediction import (
 )
 from flywheel.dynamics.gnn.step import Parts, Step, StepFactory, TorchStep
 from flywheel.errors import ModelError
-from flywheel.robots import Robot
+from flywheel.robots import GRAVITY, Robot
 
 Array = Tensor | NDArray[np.floating]
 
@@ -197,8 +197,10 @@ class Simulator:
           state: at the start of a chunk.
           origin: (2, K) horizontal position of the state's origin in the world [m].
         """
-        mechanics = self.parts(origin.device).mechanics
-        return state if mechanics is None else mechanics.pushed(state, origin)
+        if self.config.mechanics == "learned":
+            return state
+        change = GRAVITY * self.dt * self.parts(origin.device).builder.loaded(state, origin)
+        return dataclasses.replace(state, velocities=state.velocities + change)
 
     def _warm_up(
         self, parts: Parts, forward: Forward, start: Start, dataset: Tensor

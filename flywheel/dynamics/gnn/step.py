@@ -18,7 +18,6 @@ from flywheel.dynamics.gnn.features import (
 )
 from flywheel.dynamics.gnn.graph import RobotGraph
 from flywheel.dynamics.gnn.ground import Ground
-from flywheel.dynamics.gnn.mechanics import AnalyticMechanics
 from flywheel.dynamics.gnn.past import PastReader
 from flywheel.dynamics.gnn.prediction import Prediction
 from flywheel.dynamics.gnn.rigid import Frames
@@ -45,11 +44,6 @@ class Parts:
         self.frames = Frames(robot, self.graph.nodes, device)
         self.attachments = Attachments(self.graph, self.frames)
         self.builder = FeatureBuilder(self.graph, self.frames, self.attachments)
-        self.mechanics: AnalyticMechanics | None = None
-        if config.mechanics != "learned":
-            self.mechanics = AnalyticMechanics(
-                self.graph.robot, self.frames, self.attachments, config.dt
-            )
         self.past = PastReader(robot, config, self.frames)
         self.winches = Winches(robot, config.dt, device)
 

@@ -52,7 +52,7 @@ def accelerate(
     turning: F,
     out: F,
 ) -> None:
-    """Accelerations (3, N, K) of the nodes, as `CableLoads.accelerations` gives them.
+    """Asinh of the nodes' accelerations (3, N, K), which `CableLoads.accelerations` gives [g].
 
     Args:
       loads: constants.
