@@ -73,7 +73,7 @@ FORMATS = {
     "motive": Format("Motive CSV", "motive", _line(rb'"?Format Version"?,')),
     "vicon": Format("Vicon CSV", "vicon", _line(NEXUS)),
     "qualisys": Format("Qualisys TSV", "qualisys", _line(rb"NO_OF_FRAMES\t")),
-    "trc": Format("TRC", "trc", _line(rb"PathFileType\t")),
+    "trc": Format("TRC", "trc", _line(rb"PathFileType[\t,]")),
     "c3d": Format("C3D", "c3d", lambda begin: begin[1:2] == b"\x50" and b"\0" in begin[:512], True),
     "mat73": Format("MAT 7.3", "hdf5", _starts(b"MATLAB 7.3 MAT-file"), True),
     "mat": Format("MAT", "mat", _starts(b"MATLAB 5.0 MAT-file"), True),

@@ -85,7 +85,25 @@ def columns(content: bytes, delimiter: str, width: int, row: int = 1) -> list[Co
         table = _read(content, delimiter, wide if wide == width + 1 else width)
     except pa.ArrowInvalid:
         table = _read(_padded(content, delimiter, width, row), delimiter, width)
-    return [_column(each) for each in table.columns[:width]]
+    return _without_blanks([_column(each) for each in table.columns[:width]])
+
+
+def _without_blanks(found: list[Column]) -> list[Column]:
+    """The columns without the rows in which all cells are missing, as spreadsheets write empty lines."""
+    first = found[0]
+    missing = np.isnan(first) if isinstance(first, np.ndarray) else np.array([not c for c in first])
+    rows = np.flatnonzero(missing)
+    for each in found[1:]:
+        if not len(rows):
+            return found
+        some = each[rows] if isinstance(each, np.ndarray) else [each[i] for i in rows]
+        rows = rows[np.isnan(some) if isinstance(some, np.ndarray) else [not cell for cell in some]]
+    kept = np.setdiff1d(np.arange(len(first)), rows)
+    if len(kept) == len(first):
+        return found
+    return [
+        each[kept] if isinstance(each, np.ndarray) else [each[i] for i in kept] for each in found
+    ]
 
 
 def _read(content: bytes, delimiter: str, width: int) -> pa.Table:

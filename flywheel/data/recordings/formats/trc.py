@@ -26,13 +26,14 @@ ROUNDED = 0.51e-3  # [s] by which written times may be rounded
 def read(path: Path, names: tuple[str, ...]) -> Contents:
     """See `Reader`. Unseen markers are empty cells; times rounded to 1 ms are made exact by the data rate."""
     content = content_of(path)
-    rows = [cells(line, "\t") for line in head(content, HEADER_LINES)]
+    between = "\t" if b"\t" in content[:20] else ","
+    rows = [cells(line, between) for line in head(content, HEADER_LINES)]
     if len(rows) < HEADER_LINES or rows[3][:1] != ["Frame#"]:
         raise DataError("its header is not the five rows of a TRC file.")
     about = dict(zip(rows[1], rows[2], strict=False))
     markers = [name for name in rows[3][2:] if name]
     body = after_line(content, HEADER_LINES)
-    table = columns(body, "\t", 2 + 3 * len(markers), HEADER_LINES + 1)
+    table = columns(body, between, 2 + 3 * len(markers), HEADER_LINES + 1)
     data = [numbers(each, f"column {i}") for i, each in enumerate(table, 1)]
     parts = [
         (name, np.stack(data[2 + 3 * i : 5 + 3 * i], axis=1)) for i, name in enumerate(markers)

@@ -74,13 +74,16 @@ def test_matlabs_whole_numbers_and_logicals_are_numbers(tmp_path: Path) -> None:
     np.testing.assert_array_equal(columns["seen"], [1.0, 0.0, 1.0])
 
 
-def test_an_unseen_marker_of_a_trc_does_not_move_the_next_into_its_cells(tmp_path: Path) -> None:
+@pytest.mark.parametrize("between", ["\t", ","])
+def test_an_unseen_marker_of_a_trc_does_not_move_the_next_into_its_cells(
+    between: str, tmp_path: Path
+) -> None:
     rows = ["1\t0.000\t\t\t\t4\t5\t6", "2\t0.008\t1\t2\t3\t4\t5\t6", "3\t0.017\t1\t2\t3\t\t\t"]
     head = [
         "PathFileType\t4\t(X/Y/Z)\ta.trc", "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits",
-        "119.88\t119.88\t3\t2\tmm", "Frame#\tTime\ta\t\t\tb", "\t\tX1\tY1\tZ1\tX2\tY2\tZ2", "",
+        "119.88\t119.88\t3\t2\tmm", "Frame#\tTime\ta\t\t\tb", "\t\tX1\tY1\tZ1\tX2\tY2\tZ2", "\t\t\t\t\t\t\t",
     ]  # fmt: skip
-    (tmp_path / "a.txt").write_text("\n".join(head + rows) + "\n")
+    (tmp_path / "a.txt").write_text("\n".join(head + rows).replace("\t", between) + "\n")
     stream = only(tmp_path / "a.txt")
     np.testing.assert_array_equal(stream.columns["a.x"], [np.nan, 1.0, 1.0])
     np.testing.assert_array_equal(stream.columns["b.x"], [4.0, 4.0, np.nan])
