@@ -23,6 +23,7 @@ from flywheel.robots import Robot
 STEP = 0.02  # [s] between the offsets that are tried first
 SPAN = 20  # steps over which changes are compared
 SHORTEST = 3.0  # least time that both must have seen [s]
+MOST_SECONDS = 14_400.0  # that are compared
 LONGEST = 120.0  # time from which the first offset is taken [s]: in more, another pace drifts away
 LEAST_OVERLAP = 0.25  # share of the shorter one that both must have seen
 ALIKE = 0.7  # least correlation of the changes
@@ -102,15 +103,21 @@ def _witnesses(
     if not robot.free:
         raise DataError("align: auto needs a robot of free bodies: give offset.")
     seen = np.isfinite(points).all(axis=(1, 2))
-    if seen.sum() < 2 or time[seen][-1] - time[seen][0] < SHORTEST:
+    if not all(map(comparable, (time, time[seen], *(each.time for each in movers)))):
         raise DataError(
-            f"align: auto needs {SHORTEST:g} s in which all points are seen: give offset."
+            f"align: auto needs {SHORTEST:g} to {MOST_SECONDS:g} s of winches, and as many in which all "
+            "points are seen: give offset."
         )
     lengths = seen_lengths(points, robot)
     made = [Witness(each, lengths[:, each.cable]) for each in movers]
     if not any(np.ptp(each.made) for each in movers):
         raise DataError("align: auto needs a winch that moves: give offset.")
     return time, made
+
+
+def comparable(time: Floats) -> bool:
+    """True for times (N,) over which changes can be compared [s]."""
+    return len(time) > SPAN and bool(SHORTEST <= time[-1] - time[0] <= MOST_SECONDS)
 
 
 def seen_lengths(points: Floats, robot: Robot) -> Floats:

@@ -151,6 +151,9 @@ def _series(found: Found, values: Floats, clocks: Sequence[Clock], held: bool = 
       DataError: time runs backward.
     """
     time = clocks[found.source.file].of(found.source.time)
+    missing = np.flatnonzero(~np.isfinite(time))
+    if len(missing):
+        raise DataError(f"{found.source.name}: row {found.source.rows[missing[0]]} has no time.")
     backward = np.flatnonzero(np.diff(time) < 0)
     if len(backward):
         at = backward[0]

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from flywheel.data.recordings.alignment import Mover, align
+from flywheel.data.recordings.alignment import MOST_SECONDS, SHORTEST, Mover, align
 from flywheel.data.recordings.channels import commands_of, points_of, positions_of
 from flywheel.data.recordings.grid import held
 from flywheel.data.recordings.lookup import Sheets
@@ -21,7 +21,6 @@ from flywheel.robots import Robot
 STEP = 0.01  # [s] in which the winches' positions are followed
 ROUNDS = 3  # in which also the positions are found from which the winches begin
 UNKNOWN = 1.0  # [s] after which nothing is left of how a robot moved before
-LONGEST = 3600.0  # [s] of the winches that are followed
 
 # Lengths (n, cables) [m] of a robot whose winches are at positions (n, W) [m], in steps of so many seconds.
 Follow = Callable[[Robot, Floats, float], Floats]
@@ -120,10 +119,10 @@ def _positions(
             f"align: auto needs commands or positions of winches in {sheets.files[file].name}: give offset."
         )
     begin, end = max(s.time[0] for s in series), min(s.time[-1] for s in series)
-    if not STEP < end - begin < LONGEST:
+    if not SHORTEST <= end - begin <= MOST_SECONDS:
         raise DataError(
-            f"align: auto needs winches over {STEP:g} to {LONGEST:g} s; {sheets.files[file].name} has "
-            f"{end - begin:.6g} s. Is the unit of its times right?"
+            f"align: auto needs winches over {SHORTEST:g} to {MOST_SECONDS:g} s; {sheets.files[file].name} "
+            f"has {end - begin:.6g} s. Is the unit of its times right?"
         )
     time = np.arange(begin, end, STEP)
     keyframe = robot.winch_of(robot.keyframe)

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from flywheel.data.recordings.alignment import Mover, Witness, likeness, seen_lengths
+from flywheel.data.recordings.alignment import Mover, Witness, comparable, likeness, seen_lengths
 from flywheel.data.recordings.channels import points_of
 from flywheel.data.recordings.formats import QUATERNION, LogFile, Stream, open_log
 from flywheel.data.recordings.geometry import pairs, usual_distances
@@ -340,6 +340,8 @@ def _by_cables(
 
 def _best(time: Floats, lengths: Floats, when: Floats, made: Floats) -> float:
     """The correlation of the changes of a cable with those of a column at the offset where it is largest."""
+    if not (comparable(time[np.isfinite(lengths)]) and comparable(time) and comparable(when)):
+        return 0.0
     witness = Witness(Mover(0, when, made), lengths)
     fits, _ = likeness(time, [witness], float(when[0]), float(when[-1]))
     fits = fits[np.isfinite(fits) & (fits > -1)]

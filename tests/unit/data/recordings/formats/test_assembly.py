@@ -197,6 +197,23 @@ def test_what_a_map_lacks_is_told(text: str, words: str, truth: Truth, folder: P
     assert words in refused(folder, text, truth)
 
 
+@pytest.mark.parametrize(
+    ("time", "align", "words"),
+    [
+        ("nan", "", "row 301 has no time"),
+        ("inf", ", align: auto", "row 301 has no time"),
+        ("1e300", ", align: auto", "Is the unit of its times right?"),
+    ],
+)
+def test_times_that_are_none_are_refused(
+    time: str, align: str, words: str, truth: Truth, folder: Path
+) -> None:
+    lines = (folder / "motors.txt").read_text().splitlines()
+    lines[-1] = " ".join([time, *lines[-1].split()[1:]])
+    (folder / "motors.txt").write_text("\n".join(lines) + "\n")
+    assert words in refused(folder, FILES.replace("rear]", f"rear]{align}") + COMMANDS, truth)
+
+
 def test_a_marker_in_parts_is_one(truth: Truth, folder: Path) -> None:
     lines = (
         (folder / "take.tsv").read_text().replace("left", "a").replace("right", "b").splitlines()
