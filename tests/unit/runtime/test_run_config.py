@@ -33,7 +33,7 @@ def test_a_network_preset_can_be_named_and_changed():
 
 
 def test_an_unknown_preset_lists_the_known_ones():
-    with pytest.raises(ValidationError, match="Known: lean, paper"):
+    with pytest.raises(ValidationError, match="Known: hybrid, lean, paper"):
         RunConfig.model_validate({"network": {"preset": "lena"}})
 
 
