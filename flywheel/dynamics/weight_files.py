@@ -76,7 +76,12 @@ def write_arrays(path: Path, arrays: Arrays, about: Mapping[str, Any]) -> None:
 
     Both files are replaced atomically, the .npz first: a kill in between leaves a side file that
     does not match, and reading raises.
+
+    Raises:
+      ModelError: the name ends in .json, like that of the description.
     """
+    if path.suffix == ".json":
+        raise ModelError(f"Weights cannot be called {path.name}: call them .npz.")
     content = BytesIO()
     np.savez(content, **arrays)  # type: ignore[arg-type]
     write_output(path, content.getvalue())

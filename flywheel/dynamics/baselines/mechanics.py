@@ -109,11 +109,17 @@ class Places:
         return torch.matmul(back, pushes), torch.matmul(back, moments)
 
 
-class Cables:
-    """The cables of a robot: springs that pull, and dampers along them.
+def tension(spring: Tensor, damper: Tensor, winched: Tensor) -> Tensor:
+    """(C, K) tensions of cables with these forces of spring and damper; `winched` (C, 1): it has a winch.
 
     The damper of a passive cable acts at any length, that of a winched one only where the cable pulls
     in all.
+    """
+    return torch.where(winched, (spring + damper).clamp(min=0.0), spring.clamp(min=0.0) + damper)
+
+
+class Cables:
+    """The cables of a robot: springs that pull, and dampers along them; see `tension`.
 
     Args:
       robot: the robot.
@@ -137,10 +143,8 @@ class Cables:
         arms, way, away = self.stretched(state)
         length = _norm(way)
         spring, damper = self.stiffness * (length - rest), self.damping * away
-        tension = torch.where(
-            self._winched, (spring + damper).clamp(min=0.0), spring.clamp(min=0.0) + damper
-        )
-        return self.ends.wrench(arms, _on_ends(tension / length * way))
+        pull = tension(spring, damper, self._winched)
+        return self.ends.wrench(arms, _on_ends(pull / length * way))
 
     def stretched(self, state: RigidState) -> tuple[Tensor, Tensor, Tensor]:
         """Arms of the ends, ways (3, C, K) from first to second ends [m], and speeds of stretching (C, K)."""

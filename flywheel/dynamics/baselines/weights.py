@@ -81,11 +81,8 @@ class BaselineWeights:
         Raises:
           ModelError: the name ends in .json, like that of the side file.
         """
-        path = Path(path)
-        if path.suffix == ".json":
-            raise ModelError(f"Weights cannot be called {path.name}: call them .npz.")
         about = {**self._head, "format": _FORMAT, "digest": self.digest, "notes": dict(notes or {})}
-        write_arrays(path, self.arrays, about)
+        write_arrays(Path(path), self.arrays, about)
         return self.digest
 
     @classmethod

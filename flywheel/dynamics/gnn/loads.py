@@ -14,6 +14,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from flywheel.dynamics.baselines.mechanics import tension
 from flywheel.dynamics.gnn.attachments import Attachments
 from flywheel.dynamics.gnn.graph import RobotGraph
 from flywheel.dynamics.gnn.rigid import Frames
@@ -84,7 +85,7 @@ class CableLoads:
         unit = way / length
         load = self.stiffness * (length - rest)
         drag = self.damping * (unit * apart).sum(0)
-        pull = torch.where(self.driven, (load + drag).clamp(min=0.0), load.clamp(min=0.0) + drag)
+        pull = tension(load, drag, self.driven)
         force = torch.stack([pull * unit, -pull * unit], dim=2).flatten(1, 2)
         centres, axes = torch.matmul(self.centres, frames), torch.matmul(self.axes, frames)
         lever = ends - centres[:, self.of_end]  # an end in the world is on no body

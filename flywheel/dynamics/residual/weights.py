@@ -134,12 +134,9 @@ class ResidualWeights:
         Raises:
           ModelError: the name ends in .json, like that of the side file.
         """
-        path = Path(path)
-        if path.suffix == ".json":
-            raise ModelError(f"Weights cannot be called {path.name}: call them .npz.")
         digest = self.digest
         about = {**self._head, "format": _FORMAT, "digest": digest, "notes": dict(notes or {})}
-        write_arrays(path, self.arrays, about)
+        write_arrays(Path(path), self.arrays, about)
         return digest
 
     @classmethod
