@@ -4,6 +4,8 @@ import resource
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+import pytest
+
 
 @contextmanager
 def files_end_at(size: int) -> Iterator[None]:
@@ -14,3 +16,8 @@ def files_end_at(size: int) -> Iterator[None]:
         yield
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+def complaints(capfd: pytest.CaptureFixture[str]) -> list[str]:
+    """Lines on standard error but Ray's: the log of a driver that another test started ends there too."""
+    return [line for line in capfd.readouterr().err.splitlines() if "[ray_log_sink]" not in line]
