@@ -82,14 +82,18 @@ class Library:
         files = [file.reference.model_dump() for file in self.files]
         return {"effects_from": files} if files else {}
 
-    def asked(self, effects: str = "") -> Mapping[str, Effect]:
+    def asked(self, effects: str = "", robot: Robot | None = None) -> Mapping[str, Effect]:
         """The effects by name ("capstan,creep"); for none all default candidates of a diagnosis.
 
         Raises:
           UnknownNameError: there is none of that name.
+          RobotError: it has no meaning on the robot.
         """
         names = [name.strip() for name in effects.split(",") if name.strip()]
         named = {name: lookup(self.known, name, "effect") for name in names}
+        for effect in named.values():
+            if robot is not None:
+                effect.require_place(robot)
         return named or with_laws(self.files, EFFECTS)
 
     def check(self, plant: Plant) -> None:

@@ -18,6 +18,7 @@ import mujoco
 import numpy as np
 
 from flywheel.effects.scales import Scales
+from flywheel.errors import RobotError
 from flywheel.records import Floats
 from flywheel.robots import Body, Cable, Robot, TrackedPoint, Winch
 
@@ -95,8 +96,23 @@ class Effect(ABC):
         return self.sizes + self.shapes
 
     def places(self, robot: Robot) -> tuple[int | None, ...]:
-        """Possible places on a robot: indices of its parts of that kind, or None for all of it."""
-        return (None,) if self.where == "robot" else tuple(range(len(parts_of(robot, self.where))))
+        """Possible places on a robot: indices of its parts of that kind, or None for all of it.
+
+        There is none if the robot has no part on which the effect acts, such as a winch.
+        """
+        parts = range(len(parts_of(robot, self.part)))
+        return (None,) if self.where == "robot" and parts else tuple(parts)
+
+    def require_place(self, robot: Robot) -> None:
+        """Reject a robot on which the effect has no meaning.
+
+        Raises:
+          RobotError: the robot has no part on which it acts.
+        """
+        if not self.places(robot):
+            raise RobotError(
+                f"{self.name} has no meaning on {robot.name}, which has no {self.part}."
+            )
 
 
 class ModelEffect(Effect):

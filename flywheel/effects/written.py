@@ -60,8 +60,10 @@ class WrittenTerm(Frozen):
         Raises:
           UnknownNameError: no such effect, place or parameter.
           ConfigError: a parameter is missing, or has an impossible sign.
+          RobotError: the robot has nothing on which the effect acts.
         """
         effect = lookup(library, self.effect, "effect")
+        effect.require_place(robot)
         if has_factors(self.parameters):
             effect = per_part(effect, robot) or effect
         places = {place_name(effect, place, robot): place for place in effect.places(robot)}

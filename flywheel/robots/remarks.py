@@ -20,6 +20,7 @@ def remarks(robot: Robot) -> Iterator[str]:
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     mujoco.mj_tendon(model, data)
+    yield from without_winches(robot)
     yield from _on_limits(model, data)
     rest = np.array([cable.rest_length for cable in robot.cables])
     if (data.ten_length <= rest).all():
@@ -30,6 +31,17 @@ def remarks(robot: Robot) -> Iterator[str]:
     yield from _on_damping(model, robot)
     yield from _on_constraints(model)
     yield from _on_sensors(model, robot)
+
+
+def without_winches(robot: Robot) -> Iterator[str]:
+    """A sentence on a robot that nothing moves but its start; none for one with winches."""
+    if not robot.winches:
+        names = ", ".join(repr(cable.name) for cable in robot.cables)
+        yield (
+            "It has no winch: nothing can be commanded. recordings, compare and diagnose take logs of its "
+            f"motion; runs and experiments need a winch. Passive cables ({names}) become winches by robot "
+            "adapt --winch NAME."
+        )
 
 
 def _on_limits(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[str]:

@@ -107,6 +107,21 @@ class Robot:
                 "(a <freejoint/> each)."
             )
 
+    def require_winches(self, to_be: str) -> None:
+        """Reject a robot that cannot be commanded.
+
+        Args:
+          to_be: the impossible operation, for the message: "driven".
+
+        Raises:
+          RobotError: it has no winch.
+        """
+        if not self.winches:
+            raise RobotError(
+                f"{self.name} cannot be {to_be}: it has no winch, and nothing moves it but its start. "
+                "compare and diagnose need none."
+            )
+
     def control_steps(self, near: float) -> tuple[float, ...]:
         """Possible control steps [s] around a given one, the nearest first.
 
@@ -143,7 +158,7 @@ class Robot:
     @cached_property
     def rate_driven(self) -> np.ndarray:
         """(W,) bool: True for rate winches; the others are position winches."""
-        return np.array([w.kind == "rate" for w in self.winches])
+        return np.array([w.kind == "rate" for w in self.winches], bool)
 
     def holding(self, winch: Floats) -> Floats:
         """The command (..., W) that holds the winches at the positions `winch` (..., W) [m]."""

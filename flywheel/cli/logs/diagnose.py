@@ -119,7 +119,8 @@ def diagnose(
     others, laws, known = held_out or [], effects_from or [], unsure_of(unsure or [])
     check_outputs({"page": page, "JSON": json}, inputs=[*recordings, *others, *laws, robot])
     library, out = Library.of(laws), console()
-    asked, plant = library.asked(effects), open_plant(robot, dt, threads, library)
+    plant = open_plant(robot, dt, threads, library)
+    asked = library.asked(effects, plant.robot)
     tuned = _settings(settings or [], tolerance, plant)
     tested = (
         None if model is None else open_trained(model, plant.robot).subject(plant.robot, threads)

@@ -66,7 +66,8 @@ def power(
     inputs: list[str | Path] = [commands, *(effects_from or []), robot]
     check_outputs({"page": page, "JSON": json}, inputs=inputs)
     library, out = Library.of(effects_from), console()
-    asked, plant = library.asked(effects), open_plant(robot, dt, threads, library)
+    plant = open_plant(robot, dt, threads, library)
+    asked = library.asked(effects, plant.robot)
     tuned = changed(Settings(), changes_of(settings or []))
     controls = read_commands(commands, plant.robot, dt)
     sigma = length_of(noise, plant.robot)

@@ -154,8 +154,11 @@ def _settled(out: Out, xml: str) -> tuple[str, bool]:
     from flywheel.errors import ModelError
     from flywheel.robots import read_robot
     from flywheel.robots.adapt import with_key
+    from flywheel.robots.remarks import without_winches
 
     robot = read_robot(xml)
+    for remark in without_winches(robot):
+        out.say(remark, style="yellow")
     try:
         found = settling(Plant(robot, control_step(robot, None)))
     except ModelError as error:

@@ -87,8 +87,9 @@ def check(
     show_steps(out, plant)
     for remark in _remarks(found, end, step):
         out.say(remark, style="yellow")
-    command = shlex.join(["flywheel", "run", CONFIG, *_overrides(mjcf, found, step)])
-    out.say(f"Run it with: {command}", style="bold")
+    if found.winches:
+        command = shlex.join(["flywheel", "run", CONFIG, *_overrides(mjcf, found, step)])
+        out.say(f"Run it with: {command}", style="bold")
 
 
 def _loaded(out: Out, mjcf: str) -> Robot:
@@ -203,7 +204,8 @@ def key_line(state: State) -> str:
     def numbers(values: Floats) -> str:
         return " ".join(f"{value + 0.0:.7g}" for value in values.round(6))
 
-    return f'<key name="settled" qpos="{numbers(state.qpos[0])}" act="{numbers(state.act[0])}"/>'
+    act = f' act="{numbers(state.act[0])}"' if state.act.size else ""
+    return f'<key name="settled" qpos="{numbers(state.qpos[0])}"{act}/>'
 
 
 def _overrides(mjcf: str, robot: Robot, step: float) -> Iterator[str]:
@@ -271,6 +273,11 @@ def _show_robot(out: Out, robot: Robot) -> None:
             ],
         )
     )
+    if robot.winches:
+        _show_winches(out, robot)
+
+
+def _show_winches(out: Out, robot: Robot) -> None:
     out.print(
         table(
             "Winches",

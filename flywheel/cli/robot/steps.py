@@ -14,9 +14,11 @@ if TYPE_CHECKING:
 
     from flywheel.dynamics.plant import Plant, StepError
     from flywheel.dynamics.plant.time_steps import CableDamping
+    from flywheel.records import State
     from flywheel.robots import Robot
 
 MOTIONS, SECONDS, BEFORE = 6, 2.0, 1.0  # that are compared, and that precede them [s]
+THROWN = 0.2  # speeds of a robot without winches, in sqrt(g L)
 FINE = 20  # times shorter than the robot's own are the steps of what is taken for right
 PATIENCE = 20.0  # of a processor, about, for all motions in all steps [s]
 ALL_STEPS = FINE + 12.0  # what these cost, beside the motions in the robot's own steps
@@ -48,7 +50,8 @@ def show_steps(out: Out, plant: Plant) -> None:
         return
     out.print(
         table(
-            f"Time steps: where tracked points are after {SECONDS:g} s of random commands",
+            f"Time steps: where tracked points are after {SECONDS:g} s "
+            f"{'of random commands' if robot.winches else 'thrown at random'}",
             ["integrator", "step [ms]", "off, median [mm]", "90 % below", "s per CPU second"],
             [
                 (
@@ -104,15 +107,14 @@ def measured(plant: Plant) -> list[StepError]:
     from flywheel.dynamics.plant import StepStudy
 
     robot, controls = plant.robot, RandomControls(plant.robot, plant.dt)
-    start = plant.settle(BEFORE)
+    start = _begun(plant)
 
     def commands(seconds: float, winch: np.ndarray, seed: int) -> np.ndarray:
         steps = max(1, round(seconds / plant.dt))
         return np.stack([controls.sequence(each, steps, seed + i) for i, each in enumerate(winch)])
 
-    winch = np.repeat(plant.winch(start), MOTIONS, axis=0)
     began = time.process_time()
-    states = plant.simulate(start, commands(BEFORE, winch, 0)).states
+    states = plant.simulate(start, commands(BEFORE, plant.winch(start), 0)).states
     assert states is not None
     price = (time.process_time() - began) / BEFORE * SECONDS * ALL_STEPS
     count = min(MOTIONS, int(MOTIONS * PATIENCE / max(price, 1e-9)))
@@ -126,6 +128,23 @@ def measured(plant: Plant) -> list[StepError]:
         for timestep in _steps(plant)
         for integrator in dict.fromkeys((robot.integrator, *OTHERS))
     ]
+
+
+def _begun(plant: Plant) -> State:
+    """States of all motions before their commands; thrown where there are no winches to move them."""
+    import numpy as np
+
+    from flywheel.dynamics.plant import turning
+    from flywheel.records import State
+    from flywheel.robots import GRAVITY
+
+    length = plant.robot.length
+    state = State.joined([plant.settle(BEFORE)] * MOTIONS)
+    if plant.robot.winches:
+        return state
+    speeds = np.random.default_rng(0).normal(0.0, THROWN, state.qvel.shape)
+    unit = np.where(turning(plant), 1.0, length) * math.sqrt(GRAVITY / length)
+    return State(state.qpos, state.qvel + unit * speeds, state.act)
 
 
 def _steps(plant: Plant) -> list[float]:

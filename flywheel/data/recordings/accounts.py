@@ -88,6 +88,8 @@ def check_accounts(
       robot: of the log.
       evidence: of its cables.
     """
+    if not robot.winches:
+        return []
     told = Account("the commands", control_names(robot), log.time, told_positions(log, robot))
     names = list(told.names)
     for name, index in winch_names(robot).items():

@@ -311,14 +311,14 @@ def told_positions(log: Log, robot: Robot) -> Floats:
     """(N, W) positions of the winches by their commands alone [m]; those of rates from 0 on."""
     steps = np.diff(log.time)
     usual = float(np.median(steps))
-    columns = []
+    positions = np.zeros(log.controls.shape)
     for index, winch in enumerate(robot.winches):
         told = log.controls[:-1, index]
         if winch.kind == "rate":
-            columns.append(np.concatenate([[0.0], np.cumsum(told * steps)]))
+            positions[1:, index] = np.cumsum(told * steps)
         else:
-            columns.append(_lagged(told, usual, winch.time_constant))
-    return np.stack(columns, axis=1)
+            positions[:, index] = _lagged(told, usual, winch.time_constant)
+    return positions
 
 
 def _rest_lengths(

@@ -120,7 +120,9 @@ def held(begins: Floats, controls: Floats, edges: Floats) -> Floats:
     until = np.concatenate(
         [np.zeros((1, known.shape[1])), np.cumsum(known * np.diff(begins)[:, None], axis=0)]
     )
-    sums = np.stack([np.interp(edges, begins, column) for column in until.T], axis=1)
+    sums = np.empty((len(edges), known.shape[1]))
+    for column in range(known.shape[1]):
+        sums[:, column] = np.interp(edges, begins, until[:, column])
     mean = np.diff(sums, axis=0) / np.diff(edges)[:, None]
     return np.where((first == last)[:, None], single, mean)
 

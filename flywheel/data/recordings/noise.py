@@ -73,7 +73,8 @@ def white_noise(values: Floats, digit: Floats) -> Floats:
         if len(rough) < WINDOW // 2:
             return np.zeros(values.shape[1])
         size = min(WINDOW, len(rough))
-        parts = rough[: len(rough) // size * size].reshape(-1, size, values.shape[1])
+        count = len(rough) // size
+        parts = rough[: count * size].reshape(count, size, values.shape[1])
         levels.append(np.quantile(np.sqrt((parts**2).mean(axis=1)), QUIET, axis=0))
     fourth, sixth = levels
     beyond = np.sqrt(np.maximum(fourth**2 - digit**2 / 12, 0))

@@ -86,7 +86,9 @@ def one_log(
             values[own, i] = (
                 each.values if each.source is base.source else _nearest(each, base.time, dt)
             )
-    controls = np.stack([_told(each, time) for each in commands], axis=1)
+    controls = np.empty((len(time), len(commands)))
+    for i, told in enumerate(commands):
+        controls[:, i] = _told(told, time)
     winch = np.full((len(time), len(winches)), np.nan)
     for i, each in enumerate(winches):
         if each is not None:

@@ -76,7 +76,8 @@ def _command(windows: ForecastWindows) -> Region:
     asked = np.abs(controls - robot.holding(windows.before(windows.winch)))
     moving = asked > MOVING * (robot.control_high - robot.control_low)
     driven = np.array([cable.winch for cable in robot.cables])
-    place = np.where(driven < 0, 2, moving[..., driven])
+    place = np.full((*moving.shape[:-1], len(driven)), 2)
+    place[..., driven >= 0] = moving[..., driven[driven >= 0]]
     return Region("cables", "command", ("holding", "moving", "no winch"), place)
 
 
@@ -106,7 +107,8 @@ def cable_tensions(robot: Robot, points: Floats, winch: Floats, dt: float) -> Fl
       dt: control step [s].
     """
     lead = points.shape[:2]
-    flat, wound = points.reshape(-1, 1, *points.shape[2:]), winch.reshape(-1, 1, winch.shape[-1])
+    flat = points.reshape(-1, 1, *points.shape[2:])
+    wound = winch.reshape(len(flat), 1, winch.shape[-1])
     past = Past(Observation(flat, wound), np.zeros((len(flat), 0, wound.shape[-1])), wound)
     state = RestartedPlant(Plant(robot, dt), roll="relaxed").estimate(past)
     poses = state.qpos.reshape(len(state.qpos), -1, 7)

@@ -39,7 +39,12 @@ class WinchRange:
 
     @classmethod
     def around(cls, robot: Robot, start: Floats, dt: float) -> WinchRange:
-        """Around winch positions (W,) [m], within the robot's ranges."""
+        """Around winch positions (W,) [m], within the robot's ranges.
+
+        Raises:
+          RobotError: the robot has no winch.
+        """
+        robot.require_winches("moved by commands")
         low = np.maximum(robot.rest_low, start * (1 - HAUL_IN))
         high = np.minimum(robot.rest_high, start * (1 + PAY_OUT))
         # a position winch may cross its reach in a second

@@ -137,13 +137,12 @@ class WindowSimulator:
         winch = self._winches(starts.winch, told)
         at = list(zip(windows.recording, windows.first, strict=True))
         commands = np.stack([told[log][:, f : f + windows.steps] for log, f in at], axis=1)
-        rows = (count * len(windows), -1)
-        state = self.with_winch(State.joined([starts.mechanics] * count), winch.reshape(rows))
+        total = count * len(windows)
+        begun = winch.reshape(total, winch.shape[-1])
+        state = self.with_winch(State.joined([starts.mechanics] * count), begun)
         each = [t for t in terms for _ in range(len(windows))]
         members = np.tile(np.arange(len(windows)), count)
-        motion = self._simulated(
-            members, state, commands.reshape(rows[0], *commands.shape[2:]), each
-        )
+        motion = self._simulated(members, state, commands.reshape(total, *commands.shape[2:]), each)
         seen = np.where(motion.finite[:, None, None, None], motion.points, np.nan)
         points = seen.reshape(count, *windows.measured.shape)
         return points, [Carried(winch[i], {}) for i in range(count)]
@@ -186,19 +185,19 @@ class WindowSimulator:
             state = State.joined([starts.mechanics[members]] * count)
             now = held[:, logs]
             winch[:, members] = now
-            state = self.with_winch(state, now.reshape(-1, now.shape[-1]))
+            state = self.with_winch(state, now.reshape(len(state.qpos), now.shape[-1]))
             each = [t for t in terms for _ in members]
             pieces = [
                 told[log][:, windows.first[k] : windows.first[k] + windows.steps]
                 for log, k in zip(logs, members, strict=True)
             ]
-            commands = np.stack(pieces, axis=1).reshape(-1, *pieces[0].shape[1:])
+            commands = np.stack(pieces, axis=1).reshape(len(each), *pieces[0].shape[1:])
             carried = _of_recordings(memory, count, logs)
             motion = self._simulated(np.tile(members, count), state, commands, each, carried)
             kept.append((members, _started_with(carried, motion.memory)))
             seen = np.where(motion.finite[:, None, None, None], motion.points, np.nan)
             points[:, members] = seen.reshape(count, len(members), *seen.shape[1:])
-            last = self.plant.winch(motion.states[:, -1]).reshape(count, len(members), -1)
+            last = self.plant.winch(motion.states[:, -1]).reshape(now.shape)
             held[:, logs] = last
             memory = _to_recordings(motion.memory, count, logs, len(windows.recordings))
         return points, [self._carried(winch[i], kept, i, count) for i in range(count)]
@@ -225,6 +224,8 @@ class WindowSimulator:
         """
         self._busy()
         windows = self.windows
+        if not len(members):
+            return np.empty((0, *windows.measured.shape[1:]))
         told = self.told([terms])
         places = zip(windows.recording[members], windows.first[members], strict=True)
         commands = np.stack([told[i][0, f : f + windows.steps] for i, f in places])

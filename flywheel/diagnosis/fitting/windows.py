@@ -210,7 +210,8 @@ class Windows:
         """
         seen = np.isfinite(self.measured[members])[:, None]
         slope = np.where(seen, difference / (step * self.sigma), 0.0)
-        flat = np.nan_to_num(slope.reshape(*slope.shape[:2], -1), nan=0.0)
+        numbers = int(np.prod(slope.shape[2:]))
+        flat = np.nan_to_num(slope.reshape(*slope.shape[:2], numbers), nan=0.0)
         return flat.swapaxes(1, 2)
 
 

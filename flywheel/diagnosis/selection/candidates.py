@@ -121,9 +121,12 @@ class Rival:
         Raises:
           UnknownNameError: no such effect or place.
           DataError: a place for an effect that has none.
+          RobotError: an effect that this robot cannot have.
         """
         effect, at, place = name.partition(AT)
-        found = candidates(robot, {effect: lookup(library, effect, "effect")})
+        named = lookup(library, effect, "effect")
+        named.require_place(robot)
+        found = candidates(robot, {effect: named})
         if not at:
             return cls(name, found)
         at_places = {candidate.location: candidate for candidate in found if candidate.location}

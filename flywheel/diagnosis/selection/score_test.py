@@ -82,7 +82,7 @@ class Projection:
         shared = np.concatenate([shared, values[..., unknown]], axis=2)
         partial = cls(bases, np.zeros((*bases.shape[:2], 0)), np.zeros(0), weights)
         left = partial._without_local(partial._padded(shared))
-        flat = left.reshape(-1, left.shape[2])
+        flat = _flat(left)
         norms = np.linalg.norm(flat, axis=0)
         flat = flat[:, norms > DEAD] / norms[norms > DEAD]
         vectors, spread, _ = np.linalg.svd(flat, full_matrices=False)
@@ -90,11 +90,11 @@ class Projection:
         shares = np.ones(kept.shape[1])
         if not unknown.all():
             known = partial._without_local(partial._padded(values[..., ~unknown] * prior[~unknown]))
-            flat = known.reshape(len(kept), -1)
+            flat = _flat(known)
             vectors, spread, _ = np.linalg.svd(flat - kept @ (kept.T @ flat), full_matrices=False)
             kept = np.concatenate([kept, vectors], axis=1)
             shares = np.concatenate([shares, 1.0 - 1.0 / np.sqrt(1.0 + spread**2)])
-        return cls(bases, kept.reshape(*left.shape[:2], -1), shares, weights)
+        return cls(bases, kept.reshape(*left.shape[:2], kept.shape[1]), shares, weights)
 
     @property
     def taken(self) -> float:
@@ -125,9 +125,7 @@ class Projection:
 
     def __call__(self, vectors: Floats) -> Floats:
         """(K (D + X), n) rest of vectors (K, D, n)."""
-        left = self.without_local(vectors)
-        left = left.reshape(-1, left.shape[2])
-        shared = self.shared.reshape(len(left), -1)
+        left, shared = _flat(self.without_local(vectors)), _flat(self.shared)
         return left - shared @ (self.shares[:, None] * (shared.T @ left))
 
     def without_local(self, vectors: Floats) -> Floats:
@@ -140,6 +138,12 @@ class Projection:
 
     def _without_local(self, vectors: Floats) -> Floats:
         return vectors - self.bases @ (self.bases.swapaxes(1, 2) @ vectors)
+
+
+def _flat(vectors: Floats) -> Floats:
+    """(K D, n) of vectors (K, D, n), also of none."""
+    windows, rows, count = vectors.shape
+    return vectors.reshape(windows * rows, count)
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -101,7 +102,7 @@ class Plant:
                 "(delays, plugins or plastic tendons), which a State cannot hold."
             )
         self._points = _sensor_columns(base, [p.name for p in robot.points])
-        first = [w.actuators[0] for w in robot.winches]
+        first = np.array([w.actuators[0] for w in robot.winches], int)
         self._winch_act = base.actuator_actadr[first]
         speed = np.array([p.winch_speed for p in sets])[:, None, None]
         self._speed = np.where(robot.rate_driven, speed, 1.0)  # (1 or B, 1, W)
@@ -146,7 +147,8 @@ class Plant:
     def observe(self, state: State) -> Observation:
         """Noise-free observation of states of any leading shape; all winches count as measured."""
         lead = state.qpos.shape[:-1]
-        packed = self.packed(State(*(a.reshape(-1, a.shape[-1]) for a in state.arrays)))
+        count = math.prod(lead)
+        packed = self.packed(State(*(a.reshape(count, a.shape[-1]) for a in state.arrays)))
         _, sensors = self._run(packed, np.zeros((len(packed), 1, self._drive.shape[1])))
         points = sensors[:, 0, self._points]
         return Observation(points.reshape(*lead, *points.shape[1:]), self.winch(state))
@@ -231,6 +233,9 @@ class Plant:
         """
         models = self._models if len(self._models) == len(packed) else self._models[:1]
         with collected_warnings():
+            if not commands.shape[2]:  # MuJoCo takes none for wrong ones
+                steps = commands.shape[1]
+                return self._engine.rollout(models, self._data, packed, nstep=steps)
             states, sensors = self._engine.rollout(models, self._data, packed, commands)
         return states, sensors
 

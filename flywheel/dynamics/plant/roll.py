@@ -73,7 +73,8 @@ def relaxed(
 def rest_lengths(robot: Robot, winch: Floats) -> Floats:
     """Rest lengths (..., cables) [m] at winch positions (..., W) [m]."""
     nominal = np.array([robot.cables[w.cables[0]].rest_length for w in robot.winches])
-    paid_out = np.concatenate([winch - nominal, np.zeros_like(winch[..., :1])], axis=-1)
+    paid_out = np.zeros((*winch.shape[:-1], len(robot.winches) + 1))
+    paid_out[..., :-1] = winch - nominal
     driven_by = [cable.winch for cable in robot.cables]  # -1, passive: the zero at the end
     return np.array([cable.rest_length for cable in robot.cables]) + paid_out[..., driven_by]
 

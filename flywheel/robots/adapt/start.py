@@ -57,6 +57,11 @@ def start(draft: Draft) -> Iterator[Change]:
     """A first keyframe in which each winch has a rest length that it can have."""
     model = draft.model
     winched = [(a, name) for a, name in actuators(model) if model.actuator_actadr[a] >= 0]
+    if not winched and not model.nkey:
+        key = {"name": "start", "qpos": digits(*model.qpos0)}
+        ElementTree.SubElement(draft.section("keyframe"), "key", key)
+        reason = "Every reset begins at the first keyframe."
+        yield Change(("the pose of the MJCF",), reason, Certainty.CERTAIN)
     if not winched:
         return
     data, pull = at_start(model), _pull(model)
@@ -109,7 +114,8 @@ def with_key(xml: str, name: str, qpos: Floats, act: Floats) -> str:
         if KINDS.get(int(model.actuator_dyntype[actuator])) == "position":
             ctrl[actuator] = act[model.actuator_actadr[actuator]]
     key.attrib.pop("qvel", None)
-    key.attrib |= {"name": name, "qpos": digits(*qpos), "act": digits(*act), "ctrl": digits(*ctrl)}
+    key.attrib |= {"name": name, "qpos": digits(*qpos)}
+    key.attrib |= {k: digits(*v) for k, v in (("act", act), ("ctrl", ctrl)) if len(v)}
     return ElementTree.tostring(root, encoding="unicode")
 
 

@@ -60,7 +60,9 @@ def check_suits(config: RunConfig, robot: Robot) -> None:
       UnknownNameError: an effect has a place that the robot does not have, or is in no library.
       DataError: an effect cannot be uncertain.
       ModelError: the robot does not come to rest.
+      RobotError: the robot has no winch.
     """
+    robot.require_winches("run")
     if config.effects_from:
         config.diagnose.check_names(config.library())
         own = config.library({})

@@ -418,11 +418,6 @@ def two_motors_on_a_spring(folder: Path) -> Path:
     )
 
 
-def without_winches(folder: Path) -> Path:
-    """Springs that a script drives, though nobody says which."""
-    return prism_driven_from_python(folder)
-
-
 def on_a_slope(folder: Path) -> Path:
     """Gravity that stands for a slope."""
     path = prism_with_springs_beside_servos(folder)
@@ -458,6 +453,5 @@ REFUSED = {
     muscles: "The MJCF has a muscle",
     tension_motors: "The actuators 'm0', 'm1', 'm2', 'm3' must have a stiffness k",
     two_motors_on_a_spring: "The actuators 'b0b1', 'b1b2' must have a stiffness k",
-    without_winches: "The MJCF has no winch",
     on_a_slope: "The MJCF has gravity along a slanting line",
 }

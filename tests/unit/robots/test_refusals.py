@@ -171,7 +171,6 @@ def test_the_example_itself_is_accepted() -> None:
             r"mocap bodies \('shade'\)",
         ),
         ([('tendon="cord"', 'tendon="cord" gear="2"')], "'reel' must have gear 1"),
-        ([('gainprm="500"', 'gainprm="0"')], "no winch"),
         (
             [
                 ("</actuator>", SECOND_REEL.format(tendon="cord", range="0.5 2")),
@@ -286,10 +285,9 @@ def test_what_makes_an_mjcf_no_robot_at_all_is_told_first() -> None:
         "The tendons 'cord', 'stay' must connect two bodies, or one body with the world; got both ends on "
         "the world."
     )
-    assert found[2].startswith("The MJCF has no winch")
     tendons = GOOD[GOOD.index("  <tendon>") : GOOD.index("  <sensor>")]
     found = problems(edited((tendons, ""), (KEY, "")))
-    assert found[0].startswith("The MJCF has no tendon") and "no winch" in found[1]
+    assert found[0].startswith("The MJCF has no tendon")
 
 
 def test_joints_are_told_first_where_an_mjcf_is_refused() -> None:
