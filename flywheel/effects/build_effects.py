@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from flywheel.effects.cable_effects import pulls_on
-from flywheel.effects.effect import CommandEffect, ModelEffect, Numbers, Parameter, Values
+from flywheel.effects.effect import RESTS, CommandEffect, ModelEffect, Numbers, Parameter, Values
 from flywheel.effects.winch_effects import wound_on
 from flywheel.records import Floats
 from flywheel.robots import Robot, moving_bodies, turn_of
@@ -24,6 +24,7 @@ class CableLength(ModelEffect):
     name = "cable_length"
     where = "cable"
     sizes = (Parameter("offset", "m", lambda s: FIRST * s.length, low=-10.0, high=10.0),)
+    winch_kinds = RESTS
     equation = "l0 -> l0 + o"
     source = "geometry"
     shown_by = "slow strokes that load the cables one after the other"
@@ -126,6 +127,7 @@ class DrumRadius(CommandEffect):
     where = "winch"
     stage = 2
     sizes = (Parameter("share", "-", lambda s: 0.05, low=-10.0, high=10.0),)
+    winch_kinds = RESTS
     equation = "r -> (1 + g) r, or l -> l_k + (1 + g) (l - l_k)"
     source = "kinematics of the drum"
     shown_by = "long strokes of one winch after the other"

@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 
 from flywheel.effects.effect import (
+    RESTS,
     Cables,
     Memory,
     ModelEffect,
@@ -97,6 +98,7 @@ class Creep(TensionEffect):
     name = "creep"
     sizes = (Parameter("share", "-", lambda s: 0.15, high=10.0),)
     shapes = (Parameter("time", "s", lambda s: 0.5 * s.time, 0.05, 20.0, (0.3, 1.0, 3.0)),)
+    winch_kinds = RESTS
     equation = "dT = a k x, dx/dt = de/dt - x / tau"
     source = "Zener's model"
     shown_by = "a step of all winches, then holding still"
@@ -104,7 +106,7 @@ class Creep(TensionEffect):
 
     def tension(self, cables: Cables, memory: Memory, values: Values) -> tuple[Floats, Memory]:
         # memory is y, the part of the extension that has relaxed; a slack cable starts anew
-        extension = np.where(cables.taut, cables.elastic / cables.stiffness, 0.0)
+        extension = np.where(cables.taut, cables.extension, 0.0)
         relaxed = np.where(cables.taut, np.where(memory == 0.0, extension, memory), 0.0)
         arm = extension - relaxed
         decay = np.exp(-cables.dt / np.maximum(values["time"], 1e-9))
@@ -116,13 +118,14 @@ class Stiffening(TensionEffect):
 
     name = "stiffening"
     sizes = (Parameter("coefficient", "-", lambda s: 0.1, low=-5.0),)
+    winch_kinds = RESTS
     equation = "dT = b T (e / l0)^2"
     source = "Duffing's spring"
     shown_by = "high against low pretension, slowly"
     power: ClassVar[int] = 2  # of the strain
 
     def tension(self, cables: Cables, memory: Memory, values: Values) -> tuple[Floats, Memory]:
-        strain = cables.elastic / cables.stiffness / np.maximum(cables.rest, SHORTEST)
+        strain = cables.extension / np.maximum(cables.rest, SHORTEST)
         return values["coefficient"] * cables.elastic * strain**self.power, memory
 
 
@@ -132,6 +135,7 @@ class WeakCable(ModelEffect):
     name = "weak_cable"
     where = "cable"
     sizes = (Parameter("share", "-", lambda s: 0.2, low=-5.0, high=4.9),)
+    winch_kinds = RESTS
     equation = "dT = -s T at one cable"
     source = "Hooke's law"
     shown_by = "strokes that load the cables one after the other"
@@ -146,6 +150,7 @@ class CableStiffness(ModelEffect):
 
     name = "cable_stiffness"
     sizes = (Parameter("share", "-", lambda s: 0.05, low=-19.0, high=380.0),)
+    winch_kinds = RESTS
     equation = "k (1 + s) of every cable"
     source = "Hooke's law"
     shown_by = "slow strokes of all winches"
@@ -164,6 +169,6 @@ def _scale_stiffness(model: mujoco.MjModel, cables: np.ndarray, factor: float) -
     """Multiply the stiffness of the cables (n,) given by index, and of the winches that pull on them."""
     model.tendon_stiffness[cables] *= factor
     model.tendon_stiffnesspoly[cables] *= factor
-    pulls = pulls_on(model, cables)
+    pulls = pulls_on(model, cables) & (model.actuator_biasprm[:, 1] != 0)  # others take tensions
     model.actuator_gainprm[pulls, 0] *= factor
     model.actuator_biasprm[pulls, :2] *= factor

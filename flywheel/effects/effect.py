@@ -21,7 +21,9 @@ from flywheel.effects.scales import Scales
 from flywheel.errors import RobotError
 from flywheel.records import Floats
 from flywheel.robots import Body, Cable, Robot, TrackedPoint, Winch
+from flywheel.robots.parts import WinchKind
 
+RESTS: tuple[WinchKind, ...] = ("rate", "position")  # winches of which something is a rest length
 Where = Literal["robot", "cable", "point", "winch", "body", "end"]
 Numbers = Mapping[str, float]
 Values = Mapping[str, Floats]
@@ -66,12 +68,14 @@ class Effect(ABC):
       shown_by: the experiment that shows it best.
       acts_on: kind of part that one of the whole robot acts on, each by itself; "robot" for none.
       form: difference from the effect of its family; "" for that effect.
+      winch_kinds: kinds of winches on which it has a meaning, or on whose cables.
     """
 
     name: ClassVar[str]
     where: ClassVar[Where] = "robot"
     acts_on: ClassVar[Where] = "robot"
     form: ClassVar[str] = ""
+    winch_kinds: ClassVar[tuple[WinchKind, ...]] = ("rate", "position", "tension")
     sizes: ClassVar[tuple[Parameter, ...]]
     shapes: ClassVar[tuple[Parameter, ...]] = ()
     equation: ClassVar[str]
@@ -98,21 +102,31 @@ class Effect(ABC):
     def places(self, robot: Robot) -> tuple[int | None, ...]:
         """Possible places on a robot: indices of its parts of that kind, or None for all of it.
 
-        There is none if the robot has no part on which the effect acts, such as a winch.
+        There is none if the effect has no meaning on any part of the robot.
         """
-        parts = range(len(parts_of(robot, self.part)))
-        return (None,) if self.where == "robot" and parts else tuple(parts)
+        parts = self.parts_on(robot)
+        return (None,) if self.where == "robot" and parts else parts
+
+    def parts_on(self, robot: Robot) -> tuple[int, ...]:
+        """Indices of the parts, of the kind `part`, on which the effect has a meaning on a robot."""
+        able = [winch.kind in self.winch_kinds for winch in robot.winches]
+        cables = [cable.winch < 0 or able[cable.winch] for cable in robot.cables]
+        if self.part == "robot":
+            return (0,) if any(cables) or not cables else ()
+        means = {"winch": able, "cable": cables}.get(self.part)
+        count = len(parts_of(robot, self.part))
+        return tuple(i for i in range(count) if means is None or means[i])
 
     def require_place(self, robot: Robot) -> None:
         """Reject a robot on which the effect has no meaning.
 
         Raises:
-          RobotError: the robot has no part on which it acts.
+          RobotError: the robot has no part of the kind on which it acts.
         """
         if not self.places(robot):
-            raise RobotError(
-                f"{self.name} has no meaning on {robot.name}, which has no {self.part}."
-            )
+            has_some = bool(parts_of(robot, self.part))
+            why = "whose winches take tensions" if has_some else f"which has no {self.part}"
+            raise RobotError(f"{self.name} has no meaning on {robot.name}, {why}.")
 
 
 class ModelEffect(Effect):
@@ -158,9 +172,9 @@ class Cables:
     Attributes:
       length: [m].
       speed: rate of the length [m/s].
-      rest: rest length [m].
-      stiffness: [N/m].
-      elastic: tension of the spring alone [N]; 0 where slack.
+      rest: rest length [m]; the present length where a winch takes tensions.
+      stiffness: [N/m]; 0 where a winch takes tensions.
+      elastic: tension of the spring alone [N]; 0 where slack. What the winch is told where it takes tensions.
       dt: time to the next instant [s].
       slow: speed that counts as still [m/s].
     """
@@ -177,6 +191,12 @@ class Cables:
     def taut(self) -> np.ndarray:
         """True for each cable longer than its rest length."""
         return self.elastic > 0
+
+    @property
+    def extension(self) -> Floats:
+        """Length beyond the rest length [m]; 0 where slack, and where a winch takes tensions."""
+        soft = np.where(self.stiffness > 0, self.stiffness, np.inf)
+        return np.asarray(self.elastic / soft)
 
     @property
     def direction(self) -> Floats:

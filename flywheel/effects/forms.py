@@ -18,7 +18,7 @@ from flywheel.effects.cable_effects import (
     Hysteresis,
     Stiffening,
 )
-from flywheel.effects.effect import Cables, Effect, Memory, TensionEffect, Values
+from flywheel.effects.effect import RESTS, Cables, Effect, Memory, TensionEffect, Values
 from flywheel.effects.winch_effects import WinchGain, wound_on
 from flywheel.records import Floats
 from flywheel.robots import Robot
@@ -48,6 +48,7 @@ class OtherForm(Effect):
 class ByStiffness(OtherForm, TensionEffect):
     """The tension of another effect, in proportion to the stiffness of each cable."""
 
+    winch_kinds = RESTS
     form = BY_STIFFNESS
 
     def differs_on(self, robot: Robot) -> bool:
@@ -127,11 +128,12 @@ class WinchGainOnLength(OtherForm, WinchGain):
     name = "winch_gain_on_length"
     form = "on the length that is wound up, not on the rate"
     of = WinchGain.name
+    winch_kinds = RESTS
     equation = "l -> l_k + (1 + g) (l - l_k), l_k: length in the keyframe"
     shown_by = "long strokes, held"
 
     def differs_on(self, robot: Robot) -> bool:
-        return not robot.rate_driven.all()
+        return not robot.rate_driven.all() and not robot.tension_driven
 
     def command(self, controls: Floats, values: Values, robot: Robot, dt: float) -> Floats:
         return wound_on(controls, values["share"], robot)

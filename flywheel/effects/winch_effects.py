@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flywheel.effects.effect import CommandEffect, Parameter, Values, WinchEffect, Winches
+from flywheel.effects.effect import RESTS, CommandEffect, Parameter, Values, WinchEffect, Winches
 from flywheel.records import Floats
 from flywheel.robots import Robot
 
@@ -18,6 +18,7 @@ class WinchBacklash(CommandEffect):
     name = "winch_backlash"
     stage = 3
     sizes = (Parameter("width", "m", lambda s: 0.01 * s.length),)
+    winch_kinds = RESTS
     equation = "l0 = clip(l0, m - b / 2, m + b / 2), m: position of the motor"
     source = "play operator (Krasnosel'skii)"
     shown_by = "winches that turn round often"
@@ -76,7 +77,7 @@ class WinchGain(CommandEffect):
     """Winches faster or slower than commanded: another drum radius, another gear.
 
     A position winch still reaches its command, but at another rate. Its motor is assumed to rest at
-    its first command.
+    its first command. A winch that takes tensions pulls more, or less, than commanded.
     """
 
     name = "winch_gain"
@@ -88,7 +89,7 @@ class WinchGain(CommandEffect):
 
     def command(self, controls: Floats, values: Values, robot: Robot, dt: float) -> Floats:
         faster = 1.0 + values["share"]
-        if robot.rate_driven.all():
+        if robot.rate_driven.all() or robot.tension_driven:
             return controls * faster[:, None]
         drum = robot.holding(controls[:, 0])
         told = np.empty_like(controls)
@@ -104,6 +105,7 @@ class TorqueSpeed(WinchEffect):
 
     name = "torque_speed"
     sizes = (Parameter("slope", "1/N", lambda s: 0.1 / s.weight),)
+    winch_kinds = RESTS
     equation = "r -> r max(0, 1 - q T) where r < 0"
     source = "torque-speed line of a DC motor"
     shown_by = "fast hauling at high pretension"

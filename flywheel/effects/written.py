@@ -68,7 +68,8 @@ class WrittenTerm(Frozen):
             effect = per_part(effect, robot) or effect
         places = {place_name(effect, place, robot): place for place in effect.places(robot)}
         if effect.part != effect.where and not isinstance(effect, PerPart):  # at one part alone
-            places |= {name: place for place, name in enumerate(parts_of(robot, effect.part))}
+            names = parts_of(robot, effect.part)
+            places |= {names[place]: place for place in effect.parts_on(robot)}
         elif "" in places and self.location:
             raise ConfigError(
                 f"{self.effect} is of the whole robot: it has no location, got {self.location!r}."

@@ -13,7 +13,7 @@ from flywheel.records import Floats
 from flywheel.robots.bodies import body_index, in_body_frame
 from flywheel.robots.parts import Attachment, Body, Cable, TrackedPoint, Winch
 from flywheel.robots.problems import Alike, Problems, called
-from flywheel.robots.winches import is_passive
+from flywheel.robots.winches import is_passive, kind_of
 
 BENT = "{} must be straight between exactly two sites (no joints, pulleys or wrapping); got {}."
 
@@ -127,12 +127,13 @@ class _Tendons:
                 "{} must not have a winch and a stiffness; a winched cable's stiffness is its actuator's "
                 "gainprm. Put a parallel spring on a separate tendon.",
             )
+        told = winch < 0 or kind_of(model, actuator) == "tension"
         return Cable(
             name=name,
             ends=self._ends(tendon),
-            stiffness=float(model.actuator_gainprm[actuator, 0]),
+            stiffness=0.0 if told else float(model.actuator_gainprm[actuator, 0]),
             damping=float(model.tendon_damping[tendon] - model.actuator_biasprm[actuator, 2]),
-            rest_length=float(act[model.actuator_actadr[actuator]]) if winch >= 0 else 0.0,
+            rest_length=0.0 if told else float(act[model.actuator_actadr[actuator]]),
             winch=winch,
         )
 

@@ -9,6 +9,9 @@ import numpy as np
 
 from flywheel.records import Floats
 
+WinchKind = Literal["rate", "position", "tension"]
+UNITS: dict[WinchKind, str] = {"rate": "m/s", "position": "m", "tension": "N"}  # of commands
+
 
 @dataclass(frozen=True)
 class Primitive:
@@ -98,9 +101,9 @@ class Cable:
     Attributes:
       name: the tendon's name.
       ends: its two attachments.
-      stiffness: [N/m].
+      stiffness: [N/m]; 0 if its winch takes tensions, whatever its length.
       damping: [N s/m].
-      rest_length: at the keyframe [m].
+      rest_length: at the keyframe [m]; 0 if its winch takes tensions.
       winch: index into `Robot.winches` of the winch that drives it, -1 if passive.
     """
 
@@ -114,26 +117,27 @@ class Cable:
 
 @dataclass(frozen=True)
 class Winch:
-    """A motor that changes the rest length of one or several cables by the same amount.
+    """A motor that changes the rest length, or the tension, of one or several cables by the same amount.
 
     Attributes:
       name: of the control: the actuator's name, or that of the MJCF's tuple of several actuators;
         recordings' column is `ctrl.<name>`.
       kind: "rate" (control = rate of the rest length [m/s], positive pays out) or "position"
-        (control = desired rest length [m], reached with a first-order lag).
+        (control = desired rest length [m], reached with a first-order lag) or "tension" (control =
+        desired tension [N], reached with a first-order lag at any length of the cable).
       cables: indices into `Robot.cables`. The first is the one whose actuator is measured, else the
-        first one of the tuple: the winch's position is its rest length.
+        first one of the tuple: the winch's position is its rest length, or its tension.
       actuators: indices of the MJCF's actuators driven by this control, one per cable.
       activation: index of its position in `State.act`.
-      control_range: (low, high) of the control [m/s or m].
-      rest_range: (low, high) of the rest length of its first cable [m].
-      time_constant: of the lag of a position winch [s]; 0 for a rate winch.
+      control_range: (low, high) of the control [m/s, m or N].
+      rest_range: (low, high) of its position [m or N].
+      time_constant: of the lag [s]; 0 for a rate winch.
       measured: the MJCF has a sensor for its position.
       sensor: that sensor's name, the recordings' column; "" without one.
     """
 
     name: str
-    kind: Literal["rate", "position"]
+    kind: WinchKind
     cables: tuple[int, ...]
     actuators: tuple[int, ...]
     control_range: tuple[float, float]
@@ -142,3 +146,13 @@ class Winch:
     measured: bool
     activation: int
     sensor: str = ""
+
+    @property
+    def unit(self) -> str:
+        """Unit of its commands."""
+        return UNITS[self.kind]
+
+    @property
+    def position_unit(self) -> str:
+        """Unit of its position."""
+        return "N" if self.kind == "tension" else "m"

@@ -21,9 +21,14 @@ def remarks(robot: Robot) -> Iterator[str]:
     mujoco.mj_comPos(model, data)
     mujoco.mj_tendon(model, data)
     yield from without_winches(robot)
+    if robot.tension_driven:
+        yield (
+            "Its winches take tensions: recordings, compare, diagnose, power and design know them; networks, "
+            "and runs, which train some, do not."
+        )
     yield from _on_limits(model, data)
     rest = np.array([cable.rest_length for cable in robot.cables])
-    if (data.ten_length <= rest).all():
+    if (data.ten_length <= rest).all() and not robot.tension_driven:
         yield (
             "No cable is taut at its keyframe: nothing holds it there, and it falls in. Rest lengths (act, "
             "springlength) shorter than the cables are there give tension."

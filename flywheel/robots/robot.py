@@ -122,6 +122,34 @@ class Robot:
                 "compare and diagnose need none."
             )
 
+    def require_rest_lengths(self, to_be: str) -> None:
+        """Reject a robot whose winches take tensions.
+
+        Args:
+          to_be: the impossible operation, for the message: "predicted by a network".
+
+        Raises:
+          RobotError: they do.
+        """
+        if self.tension_driven:
+            raise RobotError(
+                f"{self.name} cannot be {to_be}: its winches take tensions, and that needs winches that take "
+                "rest lengths or their rates."
+            )
+
+    @cached_property
+    def tension_driven(self) -> bool:
+        """True if its winches take tensions; then all of them do."""
+        return any(winch.kind == "tension" for winch in self.winches)
+
+    def told_tensions(self, winch: Floats) -> Floats:
+        """Tensions (..., C) [N] of cables by winches at (..., W); 0 for cables with a rest length."""
+        found = np.zeros((*winch.shape[:-1], len(self.cables)))
+        if self.tension_driven:
+            driven_by = np.array([cable.winch for cable in self.cables])
+            found[..., driven_by >= 0] = winch[..., driven_by[driven_by >= 0]]
+        return found
+
     def control_steps(self, near: float) -> tuple[float, ...]:
         """Possible control steps [s] around a given one, the nearest first.
 
@@ -180,7 +208,8 @@ class Robot:
         """Best estimate of the winch positions (..., T + 1, W) [m] over an episode.
 
         Measured ones if available; in between dead-reckoned from the commands, starting at the last
-        measured position. Before the first one, and without any, from the keyframe's.
+        measured position. Before the first one, and without any, from the keyframe's, or from the first
+        commands of winches that take tensions.
 
         Args:
           observed: (..., T + 1, W) measured positions, NaN if not measured [m].
@@ -189,9 +218,20 @@ class Robot:
         """
         if np.isfinite(observed).all():
             return np.asarray(observed)
-        first = observed[..., 0, :]
-        start = np.where(np.isfinite(first), first, self.winch_of(self.keyframe))
+        start = self.first_winch(observed[..., 0, :], controls[..., :1, :])
         return self.dead_reckon(start, controls, dt, observed)
+
+    def first_winch(self, observed: Floats, controls: Floats) -> Floats:
+        """Best estimate of the winch positions (..., W) at the beginning of an episode.
+
+        Args:
+          observed: (..., W) measured positions, NaN if not measured.
+          controls: (..., 1, W) first commands; (..., 0, W) if there are none.
+        """
+        unknown = self.winch_of(self.keyframe)
+        if self.tension_driven and controls.shape[-2]:  # it has been told so for long
+            unknown = np.clip(controls[..., 0, :], self.control_low, self.control_high)
+        return np.where(np.isfinite(observed), observed, unknown)
 
     def winches_of(self, episode: Episode) -> Floats:
         """(T + 1, W) best estimate of an episode's winch positions [m], see `known_winch`."""

@@ -8,28 +8,34 @@ A winch's actuator is a `general` actuator on the cable's tendon whose force is
       forcelimited="true" forcerange="-F 0"/>
 
 `dyntype="integrator"` takes the rate of the rest length [m/s], `dyntype="filterexact"` the desired
-rest length [m], reached with the lag `dynprm` [s]. Several cables on one winch are one
+rest length [m], reached with the lag `dynprm` [s]. With `gainprm="-1"` and `biasprm="0 0 -c"` the
+latter takes the tension [N], whatever the cable's length. Several cables on one winch are one
 `<custom><tuple name="lift"> <element objtype="actuator" objname="..."/> ... </tuple></custom>`.
 """
 
 from __future__ import annotations
 
 from functools import partial
-from typing import Literal
 
 import mujoco
 import numpy as np
 
 from flywheel.errors import RobotError
 from flywheel.records import Floats
-from flywheel.robots.parts import Winch
+from flywheel.robots.parts import Winch, WinchKind
 from flywheel.robots.problems import Problems, called
 
 LAST_GROUP = 30  # of actuators that an MJCF can disable
-KINDS: dict[int, Literal["rate", "position"]] = {
-    int(mujoco.mjtDyn.mjDYN_INTEGRATOR): "rate",
-    int(mujoco.mjtDyn.mjDYN_FILTEREXACT): "position",
-}
+
+
+def kind_of(model: mujoco.MjModel, actuator: int) -> WinchKind | None:
+    """Kind of the winch that an actuator would be; None for no such dynamics."""
+    dynamics, bias = model.actuator_dyntype[actuator], model.actuator_biasprm[actuator]
+    if dynamics == mujoco.mjtDyn.mjDYN_INTEGRATOR:
+        return "rate"
+    if dynamics != mujoco.mjtDyn.mjDYN_FILTEREXACT:
+        return None
+    return "tension" if bias[1] == 0 and model.actuator_gainprm[actuator, 0] < 0 else "position"
 
 
 def read_winches(model: mujoco.MjModel, act: Floats) -> tuple[Winch, ...]:
@@ -59,6 +65,12 @@ def read_winches(model: mujoco.MjModel, act: Floats) -> tuple[Winch, ...]:
     for name, actuators in groups.items():
         _check_alike(model, name, actuators, act)
     winches = [_winch(model, name, group, measured) for name, group in groups.items()]
+    told = [winch.name for winch in winches if winch.kind == "tension"]
+    if 0 < len(told) < len(winches):
+        raise RobotError(
+            f"The winches {', '.join(told)} take tensions, and the others rest lengths; all winches of a "
+            "robot must take the one or the other."
+        )
     return tuple(sorted(winches, key=lambda w: min(w.actuators)))
 
 
@@ -73,7 +85,8 @@ def _winch(
 ) -> Winch:
     actuators = tuple(sorted(actuators, key=lambda a: a not in measured))
     first = actuators[0]
-    kind = KINDS[int(model.actuator_dyntype[first])]
+    kind = kind_of(model, first)
+    assert kind is not None
     control_range = model.actuator_ctrlrange[first]
     limited = model.actuator_actlimited[first]
     rest_range = model.actuator_actrange[first] if limited else control_range
@@ -84,7 +97,7 @@ def _winch(
         actuators=actuators,
         control_range=(float(control_range[0]), float(control_range[1])),
         rest_range=(float(rest_range[0]), float(rest_range[1])),
-        time_constant=float(model.actuator_dynprm[first, 0]) if kind == "position" else 0.0,
+        time_constant=0.0 if kind == "rate" else float(model.actuator_dynprm[first, 0]),
         measured=first in measured,
         activation=int(model.actuator_actadr[first]),
         sensor=measured.get(first, ""),
@@ -106,37 +119,29 @@ def _no_winch(model: mujoco.MjModel, actuator: int) -> str:
     """The requirement without which an actuator is no winch at all, after "must"; "" if it is met."""
     if model.actuator_trntype[actuator] != mujoco.mjtTrn.mjTRN_TENDON:
         return "drive a tendon (or have gainprm 0, if it is passive)"
-    if model.actuator_biasprm[actuator, 1] >= 0:
+    if model.actuator_biasprm[actuator, 1] >= 0 and kind_of(model, actuator) != "tension":
         return (
-            'have a stiffness k, by biastype "affine" and biasprm "0 -k -c": forces and tensions cannot be '
-            "commanded"
+            'have a stiffness k, by biastype "affine" and biasprm "0 -k -c", or take tensions, by dyntype '
+            '"filterexact" and gainprm "-1"'
         )
     return ""
 
 
 def _unmet(model: mujoco.MjModel, actuator: int) -> list[str]:
     """Unmet requirements on a winch's actuator, each after "must"."""
-    gain = model.actuator_gainprm[actuator, 0]
-    bias = model.actuator_biasprm[actuator]
     force = model.actuator_forcerange[actuator]
-    kind = int(model.actuator_dyntype[actuator])
+    kind = kind_of(model, actuator)
     limits, control = model.actuator_actrange[actuator], model.actuator_ctrlrange[actuator]
     if reason := _no_winch(model, actuator):
         return [reason]
-    fixed = model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_FIXED
-    affine = model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_AFFINE
+    what = "tension" if kind == "tension" else "rest length"
     needs = [
         (
-            kind in KINDS,
+            kind is not None,
             'have dyntype "integrator" (takes the rate of a rest length) or "filterexact" (takes a rest '
             "length, as a <position> with timeconst does)",
         ),
-        (fixed and gain > 0, 'have gaintype "fixed" and gainprm k > 0, the stiffness [N/m]'),
-        (
-            affine and bias[0] == 0 and np.isclose(bias[1], -gain) and bias[2] <= 0,
-            f'have biastype "affine" and biasprm "0 -k -c"; got gainprm {gain:g} and biasprm '
-            f'"{bias[0]:g} {bias[1]:g} {bias[2]:g}"',
-        ),
+        *_laws(model, actuator),
         (
             model.actuator_forcelimited[actuator] and force[0] < 0 and force[1] <= 0,
             'only pull, with a forcerange "-F 0"'
@@ -148,30 +153,54 @@ def _unmet(model: mujoco.MjModel, actuator: int) -> list[str]:
             f"have a ctrlrange{_counting('ctrl', model.actuator_ctrllimited[actuator], control)}",
         ),
         (
-            KINDS.get(kind) != "rate" or control[0] <= 0 <= control[1],
+            kind != "rate" or control[0] <= 0 <= control[1],
             f"be able to hold: its ctrlrange must include 0; got {control[0]:g} to {control[1]:g}",
         ),
         (
-            KINDS.get(kind) != "position" or control[0] >= 0,
-            f"have no ctrlrange below 0: it is a rest length; got {control[0]:g} to {control[1]:g}",
+            kind in ("rate", None) or control[0] >= 0,
+            f"have no ctrlrange below 0: it is a {what}; got {control[0]:g} to {control[1]:g}",
         ),
         (
-            model.actuator_actlimited[actuator] or KINDS.get(kind) != "rate",
+            model.actuator_actlimited[actuator] or kind != "rate",
             "have an actrange (shortest and longest rest length)"
             f"{_counting('act', model.actuator_actlimited[actuator], limits)}",
         ),
         (
             not model.actuator_actlimited[actuator] or limits[0] >= 0,
-            f"have no actrange below 0: it is a rest length; got {limits[0]:g} to {limits[1]:g}",
+            f"have no actrange below 0: it is a {what}; got {limits[0]:g} to {limits[1]:g}",
         ),
         (
             (model.actuator_gear[actuator] == [1, 0, 0, 0, 0, 0]).all(),
             "have gear 1 (the same without a gear g: gainprm and biasprm times g^2, forcerange times g, and "
             "act, actrange and ctrlrange divided by g)",
         ),
-        (kind not in KINDS or model.actuator_actnum[actuator] == 1, "have one activation"),
+        (kind is None or model.actuator_actnum[actuator] == 1, "have one activation"),
     ]
     return [need for met, need in needs if not met]
+
+
+def _laws(model: mujoco.MjModel, actuator: int) -> list[tuple[bool, str]]:
+    """Requirements on the gain and the bias of a winch's actuator: if they are met, and what it must do."""
+    gain, bias = model.actuator_gainprm[actuator, 0], model.actuator_biasprm[actuator]
+    fixed = model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_FIXED
+    affine = model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_AFFINE
+    if kind_of(model, actuator) == "tension":
+        none = model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_NONE
+        return [
+            (fixed and gain == -1, f'have gaintype "fixed" and gainprm "-1"; got {gain:g}'),
+            (
+                none or (affine and bias[0] == 0 and bias[2] <= 0),
+                f'have biastype "affine" and biasprm "0 0 -c"; got "{bias[0]:g} 0 {bias[2]:g}"',
+            ),
+        ]
+    return [
+        (fixed and gain > 0, 'have gaintype "fixed" and gainprm k > 0, the stiffness [N/m]'),
+        (
+            affine and bias[0] == 0 and np.isclose(bias[1], -gain) and bias[2] <= 0,
+            f'have biastype "affine" and biasprm "0 -k -c"; got gainprm {gain:g} and biasprm '
+            f'"{bias[0]:g} {bias[1]:g} {bias[2]:g}"',
+        ),
+    ]
 
 
 def _counting(limit: str, limited: int, limits: Floats) -> str:
@@ -185,18 +214,20 @@ def _counting(limit: str, limited: int, limits: Floats) -> str:
 
 
 def _check_start(model: mujoco.MjModel, actuator: int, act: Floats) -> None:
-    """Refuse a first rest length that the winch cannot have."""
-    kind = int(model.actuator_dyntype[actuator])
+    """Refuse a first rest length, or tension, that the winch cannot have."""
+    kind = kind_of(model, actuator)
+    what, unit = ("tension", "N") if kind == "tension" else ("rest length", "m")
     limits, control = model.actuator_actrange[actuator], model.actuator_ctrlrange[actuator]
     rest = act[model.actuator_actadr[actuator]]
     # A winch that takes positions holds its own only within its ctrlrange.
-    low, high = limits if model.actuator_actlimited[actuator] else (1e-9, np.inf)
-    if KINDS[kind] == "position":
+    least = 0.0 if kind == "tension" else 1e-9
+    low, high = limits if model.actuator_actlimited[actuator] else (least, np.inf)
+    if kind != "rate":
         low, high = max(low, control[0]), min(high, control[1])
     if not low <= rest <= high:
         raise RobotError(
-            f"The first keyframe starts the actuator {model.actuator(actuator).name!r} at rest length "
-            f"{rest:g}, allowed {low:g} to {high:g} m; give the keyframe act (0 where it is missing)."
+            f"The first keyframe starts the actuator {model.actuator(actuator).name!r} at {what} "
+            f"{rest:g}, allowed {low:g} to {high:g} {unit}; give the keyframe act (0 where it is missing)."
         )
 
 
@@ -247,9 +278,10 @@ def _check_alike(model: mujoco.MjModel, name: str, actuators: tuple[int, ...], a
     first = actuators[0]
     start = act[model.actuator_actadr[list(actuators)]]
     for actuator, shift in zip(actuators, start - start[0], strict=True):
-        position = KINDS[int(model.actuator_dyntype[actuator])] == "position"
+        position = kind_of(model, actuator) != "rate"
         same = (
-            model.actuator_dyntype[actuator] == model.actuator_dyntype[first]
+            kind_of(model, actuator) == kind_of(model, first)
+            and (shift == 0 or kind_of(model, first) != "tension")
             and model.actuator_actlimited[actuator] == model.actuator_actlimited[first]
             and model.actuator_dynprm[actuator, 0] == model.actuator_dynprm[first, 0]
             and _shifted(model.actuator_ctrlrange, actuator, first, shift if position else 0.0)

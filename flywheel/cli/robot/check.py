@@ -87,7 +87,7 @@ def check(
     show_steps(out, plant)
     for remark in _remarks(found, end, step):
         out.say(remark, style="yellow")
-    if found.winches:
+    if found.winches and not found.tension_driven:
         command = shlex.join(["flywheel", "run", CONFIG, *_overrides(mjcf, found, step)])
         out.say(f"Run it with: {command}", style="bold")
 
@@ -281,13 +281,13 @@ def _show_winches(out: Out, robot: Robot) -> None:
     out.print(
         table(
             "Winches",
-            ["winch", "control", "lowest", "highest", "rest length [m]", "#cables", "measured"],
+            ["winch", "control", "lowest", "highest", "positions", "#cables", "measured"],
             [
                 (
                     w.name,
-                    "rate [m/s]" if w.kind == "rate" else "position [m]",
+                    f"{w.kind} [{w.unit}]",
                     *w.control_range,
-                    f"{w.rest_range[0]:.4g} to {w.rest_range[1]:.4g}",
+                    f"{w.rest_range[0]:.4g} to {w.rest_range[1]:.4g} {w.position_unit}",
                     len(w.cables),
                     "yes" if w.measured else "no",
                 )
@@ -302,7 +302,9 @@ def _end(robot: Robot, end: Attachment) -> str:
 
 
 def _show_graph(out: Out, robot: Robot) -> None:
-    """Content of the two graph networks of the robot."""
+    """Content of the two graph networks of the robot; none for winches that take tensions."""
+    if robot.tension_driven:
+        return
     from flywheel.dynamics.gnn import ChunkNetwork, NetworkConfig
     from flywheel.dynamics.gnn.graph import RobotGraph
 

@@ -88,7 +88,7 @@ def check_accounts(
       robot: of the log.
       evidence: of its cables.
     """
-    if not robot.winches:
+    if not robot.winches or robot.tension_driven:
         return []
     told = Account("the commands", control_names(robot), log.time, told_positions(log, robot))
     names = list(told.names)

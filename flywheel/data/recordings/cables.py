@@ -75,7 +75,7 @@ class Evidence:
     def of(cls, log: Log, points: Floats, robot: Robot) -> Evidence | None:
         """Evidence of points (N, P, 3) of a log; None where it says nothing."""
         rows = np.flatnonzero(np.isfinite(points[..., 0]).all(axis=1))
-        if len(rows) < FEWEST or not robot.cables or not robot.free:
+        if len(rows) < FEWEST or not robot.cables or not robot.free or robot.tension_driven:
             return None
         rows = rows[np.linspace(0, len(rows) - 1, min(ROWS, len(rows))).astype(np.int64)]
         rest, relative = _rest_lengths(log, robot, rows)

@@ -11,7 +11,7 @@ from flywheel.data.recordings.lookup import Found, Sheets, length_of
 from flywheel.data.recordings.mapping import RecordingMap
 from flywheel.data.recordings.report import Finding, listed
 from flywheel.data.recordings.series import Clock, Series
-from flywheel.data.recordings.sources import Channel, factor_of
+from flywheel.data.recordings.sources import Channel, factor_of, newtons_of
 from flywheel.errors import DataError
 from flywheel.records import Floats
 from flywheel.robots import Robot, Winch
@@ -70,7 +70,7 @@ def positions_of(
         channel = Channel.model_validate({"from": name})
     if channel is None or channel.hold:
         return None
-    return _channel(sheets, clocks, channel, how, "winch", winch.name)
+    return _channel(sheets, clocks, channel, how, "winch", winch)
 
 
 def commands_of(
@@ -111,7 +111,7 @@ def _told(
         if measured is not None and np.isfinite(measured.values).any():
             at = np.nanmedian(measured.values)
         return float(robot.holding(np.full(len(robot.winches), at))[index])
-    return _channel(sheets, clocks, channel, how, "control", winch.name)
+    return _channel(sheets, clocks, channel, how, "control", winch)
 
 
 def _channel(
@@ -120,18 +120,22 @@ def _channel(
     channel: Channel,
     how: RecordingMap,
     kind: str,
-    winch: str,
+    winch: Winch,
 ) -> Series:
-    """A column in m or m/s, with its own times; rows in which it was not written are left out."""
+    """A column in m, m/s or N, with its own times; rows in which it was not written are left out."""
     name = channel.source or ""
     sign = 1.0
     if name.startswith("-") and sheets.columns([name]) is None:
         sign, name = -1.0, name[1:]
     found = sheets.column(name)
-    unit = channel.unit or getattr(how.units, kind)
+    told = winch.kind == "tension"
+    unit = channel.unit or (how.units.tension if told else getattr(how.units, kind))
     drum = channel.drum if channel.drum is not None else how.units.drum
+    what = f"the unit of {winch.name}"
     try:
-        factor = sign * factor_of(unit, f"the unit of {winch}", drum, channel.per)
+        factor = sign * (
+            newtons_of(unit, what) if told else factor_of(unit, what, drum, channel.per)
+        )
     except ValueError as error:
         raise DataError(f"{error}.") from None
     values = factor * found.values[:, 0] + channel.add
@@ -139,7 +143,7 @@ def _channel(
     if kind == "control":
         known = np.isfinite(values)
         if known.sum() < 1 + (not channel.held):
-            raise DataError(f"{name!r}, the commands of {winch}, has {known.sum()} numbers.")
+            raise DataError(f"{name!r}, the commands of {winch.name}, has {known.sum()} numbers.")
         made = Series(made.time[known], values[known], made.source, channel.held)
     return made
 

@@ -49,6 +49,11 @@ def clocks_of(
     wanted = [i for i, entry in enumerate(entries) if entry.align]
     if not wanted:
         return clocks, []
+    if robot.tension_driven:
+        raise DataError(
+            "align: auto compares cables with rest lengths, and this robot's winches take tensions: give "
+            "offset."
+        )
     own = [Clock(0.0, 1.0)] * len(entries)
     points, _ = points_of(sheets, own, robot, how)
     if (

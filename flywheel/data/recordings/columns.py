@@ -121,6 +121,7 @@ def pick(
         found *= how.units.factor(unit)
         return found
 
+    tension = "tension" if robot.tension_driven else ""
     with np.errstate(over="ignore"):  # infinite values are looked for next
         if TIME in theirs:
             time = values([TIME], "time")[:, 0]
@@ -132,11 +133,12 @@ def pick(
         winch = np.full((rows, len(robot.winches)), np.nan)
         for name, index in winch_names(robot).items():
             if name in theirs:
-                winch[:, index] = values([name], "winch")[:, 0]
+                winch[:, index] = values([name], tension or "winch")[:, 0]
             else:
                 words = "the log has no such column; winch positions are dead-reckoned"
                 findings.append(Finding("channel", "noted", name, 0, words=words))
-        log = Log(time, values(control_names(robot), "control"), points, winch, table.lines)
+        controls = values(control_names(robot), tension or "control")
+        log = Log(time, controls, points, winch, table.lines)
     return log, findings
 
 

@@ -183,13 +183,17 @@ def check_commands(log: Log, robot: Robot) -> None:
     column = int(columns[0])
     winch = robot.winches[column]
     rows = np.flatnonzero(beyond[:, column])
-    unit = "m/s" if winch.kind == "rate" else "m"
+    unit = winch.unit
     low, high = winch.control_range
+    hint = ""
+    if not robot.tension_driven:
+        ends = (robot.control_low - slack, robot.control_high + slack)
+        hint = _unit_hint(used, *ends, "control")
     raise DataError(
         f"line {log.lines[rows[0]]}: the command {names[0]!r} is "
         f"{used[rows[0], column]:g} {unit}, allowed are {low:g} to {high:g} {unit}; "
         f"{counted(int(beyond.sum()), 'command')} out of range, of {listed(names)}."
-        f"{_unit_hint(used, robot.control_low - slack, robot.control_high + slack, 'control')}"
+        f"{hint}"
     )
 
 
@@ -203,10 +207,12 @@ def check_winches(log: Log, robot: Robot) -> None:
         got = got[np.isfinite(got)]
         beyond = (got < low - margin) | (got > high + margin)
         if beyond.sum() > OFTEN * len(got):
-            hint = _unit_hint(got[:, None], np.array([low]), np.array([high]), "winch")
+            hint = ""
+            if not robot.tension_driven:
+                hint = _unit_hint(got[:, None], np.array([low]), np.array([high]), "winch")
             raise DataError(
-                f"the winch position {name!r} is usually {np.median(got):.4g} m; the winch "
-                f"{winch.name!r} goes from {low:g} to {high:g} m.{hint}"
+                f"the winch position {name!r} is usually {np.median(got):.4g} {winch.position_unit}; the "
+                f"winch {winch.name!r} goes from {low:g} to {high:g} {winch.position_unit}.{hint}"
             )
 
 

@@ -269,7 +269,8 @@ def _add_commands(
     columns = [n for n in columns if n not in _times(how) and not n.lower().startswith("frame")]
     winches = [winch.name for winch in robot.winches]
     found: dict[str, object] = dict(_by_name(winches, columns))
-    if len(found) < len(winches) and points is not None and robot.free:
+    by_cables = points is not None and robot.free and not robot.tension_driven
+    if len(found) < len(winches) and by_cables and points is not None:
         found = _by_cables(sheets, columns, points, robot, draft)
     for name in winches:
         found.setdefault(name, HOLD)
@@ -286,7 +287,7 @@ def _add_commands(
         for winch in robot.winches
     }
     draft.remarks.append(
-        "commands are taken for m/s, those of positions for m: compare with the log's units"
+        "commands are taken for m/s, those of positions for m, tensions for N: compare with the log's units"
     )
     sensors = {winch.sensor: winch.name for winch in robot.winches if winch.sensor}
     if measured := _by_name(list(sensors), columns):

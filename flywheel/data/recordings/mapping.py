@@ -30,6 +30,7 @@ from flywheel.data.recordings.sources import (
     Radius,
     TimeUnit,
     factor_of,
+    newtons_of,
     plain,
 )
 from flywheel.errors import ConfigError
@@ -85,6 +86,8 @@ class Units(Frozen):
       control: a length (for position winches), a length per second (for rate winches), or an angle
         of the drum in "rad" or "deg", or per second; with "-" in front if positive hauls in.
       winch: of measured winch positions: a length, or an angle of the drum.
+      tension: of commands and positions of winches that take tensions: "N", "kN", "kgf" or "lbf"; with
+        "-" in front if they are negative.
       drum: radius of the winches' drums, if commands or positions are angles [m].
     """
 
@@ -92,17 +95,20 @@ class Units(Frozen):
     points: Literal["m", "cm", "mm", "in", "ft"] = "m"
     control: str = "m/s"
     winch: str = "m"
+    tension: str = "N"
     drum: Radius | None = None
 
     @model_validator(mode="after")
     def _are_known(self) -> Self:
-        for name in ("control", "winch"):
+        for name in ("control", "winch", "tension"):
             self.factor(name)
         return self
 
-    def factor(self, name: Literal["time", "points", "control", "winch"] | str) -> float:
-        """Factor from a value of the log to s, m or m/s."""
+    def factor(self, name: Literal["time", "points", "control", "winch", "tension"] | str) -> float:
+        """Factor from a value of the log to s, m, m/s or N."""
         unit: str = getattr(self, name)
+        if name == "tension":
+            return newtons_of(unit, "units.tension")
         if name in ("time", "points"):
             return {**TIMES, **LENGTHS}[unit]
         if name != "control" and unit.endswith("/s"):

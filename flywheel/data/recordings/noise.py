@@ -35,9 +35,7 @@ def noisy_commands(log: Log, robot: Robot) -> list[Finding]:
             "noted",
             control_names(robot)[index],
             len(used),
-            words=told.format(
-                share[index] * span[index], "m/s" if robot.winches[index].kind == "rate" else "m"
-            ),
+            words=told.format(share[index] * span[index], robot.winches[index].unit),
         )
         for index in np.flatnonzero(each & (share > NOISY))
     ]

@@ -15,6 +15,7 @@ from flywheel.quantities import Bounds
 from flywheel.validation import Frozen
 
 TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
+FORCES = {"N": 1.0, "kN": 1e3, "kgf": 9.80665, "lbf": 4.4482216152605}
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "ft": 0.3048}
 ANGLES = {"rad": 1.0, "deg": math.pi / 180, "turn": 2 * math.pi}  # of a winch's drum
 TICKS = "ticks"  # of an encoder, so many per turn of the drum
@@ -85,6 +86,22 @@ def factor_of(unit: str, what: str, drum: float | None, per: float | None = None
     if per is None:
         raise ValueError(f"{what} {unit!r} needs per: the ticks of one turn of the drum")
     return sign * 2 * math.pi * drum / per
+
+
+def newtons_of(unit: str, what: str) -> float:
+    """Newtons per unit of a tension.
+
+    Args:
+      unit: a force, with "-" in front if the log's tensions are negative.
+      what: the setting, for messages.
+
+    Raises:
+      ValueError: the unit is unknown.
+    """
+    sign, base = (-1.0, unit[1:]) if unit.startswith("-") else (1.0, unit)
+    if base not in FORCES:
+        raise ValueError(f"{what} is one of {', '.join(FORCES)}; got {shown(unit)}")
+    return sign * FORCES[base]
 
 
 class _Sourced(Frozen):

@@ -53,7 +53,7 @@ class LearnedTension(TensionEffect):
         self._hidden = hidden
 
     def tension(self, cables: Cables, memory: Memory, values: Values) -> tuple[Floats, Memory]:
-        strain = cables.elastic / cables.stiffness / cables.rest / STRAIN
+        strain = cables.extension / cables.rest / STRAIN
         speed = cables.speed / (FAST * cables.slow)
         inputs = np.stack([strain, speed, cables.direction, np.ones_like(strain)], axis=-1)
         outputs = np.stack([values[size.name] for size in self.sizes], axis=-1)

@@ -47,7 +47,7 @@ class FirstLength:
 
 
 def far_first_lengths(plant: Plant, fitter: Fitter, fit: Fit) -> tuple[FirstLength, ...]:
-    """Winches whose fitted offsets are beyond what is believed of them, the largest first.
+    """Winches whose fitted offsets are beyond what is believed of them, the largest first; none of tensions.
 
     Args:
       plant: that was fitted.
@@ -56,7 +56,7 @@ def far_first_lengths(plant: Plant, fitter: Fitter, fit: Fit) -> tuple[FirstLeng
     windows, robot = fitter.windows, fitter.windows.robot
     most = fitter.settings.jacobian.believed * fitter.winch_prior
     far = np.argwhere(np.abs(fit.initial.winch) > most)
-    if not len(far):
+    if not len(far) or robot.tension_driven:
         return ()
     tight = taut(plant, fit.initial.mechanics, fit.carried.winch)  # (K, cables)
     found = []

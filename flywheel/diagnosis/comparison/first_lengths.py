@@ -34,9 +34,11 @@ def with_first_lengths(
       settings: as in a diagnosis.
 
     Returns:
-      The windows themselves where every winch was measured in the first row, where all logs began at the
-      keyframe, or where no fit is finite.
+      The windows themselves where every winch was measured in the first row, or takes tensions, where all
+      logs began at the keyframe, or where no fit is finite.
     """
+    if plant.robot.tension_driven:
+        return windows
     first = np.stack([each.trajectory.observations.winch[0] for each in windows.recordings])
     unknown = ~np.isfinite(first) & ~_at_keyframe(windows, plant, settings)[:, None]
     used = [i for i in sorted(set(windows.recording.tolist())) if unknown[i].any()]

@@ -114,4 +114,5 @@ def cable_tensions(robot: Robot, points: Floats, winch: Floats, dt: float) -> Fl
     poses = state.qpos.reshape(len(state.qpos), -1, 7)
     stretch = robot.cable_lengths(poses) - rest_lengths(robot, wound[:, 0])
     stiffness = np.array([cable.stiffness for cable in robot.cables])
-    return (stiffness * np.maximum(stretch, 0.0)).reshape(*lead, -1)
+    tensions = stiffness * np.maximum(stretch, 0.0) + robot.told_tensions(wound[:, 0])
+    return tensions.reshape(*lead, -1)

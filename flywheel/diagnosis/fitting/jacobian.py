@@ -96,7 +96,7 @@ class FiniteDifferences:
     ) -> Floats:
         """(n, D, W) with a change of each winch at the start of windows with points `here`."""
         winches = fit.initial.winch.shape[1]
-        offset = self._settings.winch_step * simulator.length
+        offset = self._settings.winch_step * simulator.winch_unit
         rows = np.repeat(members, winches)
         shifted = fit.carried.winch[rows] + offset * np.tile(np.eye(winches), (len(members), 1))
         initial = fit.initial.mechanics[rows]

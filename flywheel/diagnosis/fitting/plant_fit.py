@@ -37,7 +37,7 @@ class PlantFitter(Fitter):
     ) -> None:
         known = settings.initial_states
         prior = np.repeat([known.place_prior, known.speed_prior], simulator.tangent // 2)
-        winch_prior = known.winch_prior * simulator.length
+        winch_prior = known.winch_prior * simulator.winch_unit
         super().__init__(simulator.windows, prior, winch_prior, settings)
         self.simulator, self.first, self._halved = simulator, first, simulator.halved()
         self.differences = FiniteDifferences(simulator, first, settings.jacobian)

@@ -54,6 +54,7 @@ class WindowSimulator:
       busy: called before every simulation.
 
     Attributes:
+      winch_unit: natural unit of winch positions: the robot's length [m], or its weight [N].
       fineness: (K,) ratio of the plant's MuJoCo step to each window's; see `halved` and `HASTY`.
     """
 
@@ -72,7 +73,7 @@ class WindowSimulator:
         self.unit = np.concatenate(
             [np.where(angles, 1.0, length), np.where(angles, 1.0, length) / time]
         )
-        self.length = length
+        self.winch_unit = scales.weight if windows.robot.tension_driven else length
 
     def halved(self, where: np.ndarray | bool = True) -> WindowSimulator:
         """The same with steps of half the length in windows `where` (K,), by default in all."""

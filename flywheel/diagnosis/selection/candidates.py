@@ -88,7 +88,8 @@ def at_parts(robot: Robot, everywhere: Sequence[Candidate]) -> tuple[Candidate, 
         replace(each, place=place, shapes=(each.shapes[len(each.shapes) // 2],), location=name)
         for each in everywhere
         if each.place is None and each.effect.part not in ("robot", each.effect.where)
-        for place, name in enumerate(parts_of(robot, each.effect.part))
+        for place in each.effect.parts_on(robot)
+        for name in (parts_of(robot, each.effect.part)[place],)
     )
 
 

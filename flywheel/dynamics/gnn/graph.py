@@ -100,6 +100,7 @@ class RobotGraph:
     def __init__(
         self, robot: Robot, config: NetworkConfig, device: torch.device | str = "cpu"
     ) -> None:
+        robot.require_rest_lengths("predicted by a network")
         own = robot
         if config.mechanics != "learned":
             robot = with_attachments(robot, config.mechanics)

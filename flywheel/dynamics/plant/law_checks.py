@@ -332,6 +332,12 @@ def _some_cables(robot: Robot, rng: np.random.Generator) -> Cables:
     length = rest * (1.0 + SPREAD * rng.uniform(-1, 1, shape))
     speed = scales.length / scales.time * rng.uniform(-1, 1, shape) * (rng.random(shape) < 0.8)
     elastic = stiffness * np.maximum(length - rest, 0.0)
+    if robot.tension_driven:
+        told = np.flatnonzero([cable.winch >= 0 for cable in robot.cables])
+        rest[:, told] = length[:, told] = robot.length
+        elastic += robot.told_tensions(
+            rng.uniform(robot.control_low, robot.control_high, (ROWS, len(robot.winches)))
+        )
     found = Cables(length, speed, rest, stiffness, elastic, robot.timestep, scales.slow)
     for each in fields(found):
         if isinstance(value := getattr(found, each.name), np.ndarray):

@@ -26,7 +26,7 @@ class Geometry:
     """Mapping from MuJoCo's numbers to those of cables, in the order of its tendons.
 
     Attributes:
-      activation: (C,) index of each cable's rest length in `act`, -1 for passive cables.
+      activation: (C,) index of each cable's rest length, or tension, in `act`, -1 for passive cables.
       rest: (C,) rest length at the keyframe [m].
       stiffness, damping: (C,).
       strongest: (C,) largest pull of each cable's actuator; infinite without one [N].
@@ -103,6 +103,7 @@ class Laws:
         self._winched = np.flatnonzero(geometry.activation >= 0)
         self._spools = geometry.activation[self._winched]
         self._rest = np.tile(geometry.rest, (len(terms), 1))
+        self._told = robot.tension_driven
         self._stiffness = np.tile(geometry.stiffness, (len(terms), 1))
 
     @property
@@ -118,8 +119,11 @@ class Laws:
     def cables(self) -> Cables:
         """Present state of all cables."""
         rest, stiffness = self._rest.copy(), self._stiffness
-        rest[:, self._winched] = self._act.take(self._spools, axis=1)
+        spools = self._act.take(self._spools, axis=1)
+        rest[:, self._winched] = self._length[:, self._winched] if self._told else spools
         elastic = stiffness * np.maximum(self._length - rest, 0.0)
+        if self._told:
+            elastic[:, self._winched] = spools
         return Cables(self._length, self._speed, rest, stiffness, elastic, self._dt, self._slow)
 
     def told(self, told: Floats, cables: Cables) -> Floats:

@@ -18,8 +18,7 @@ class PlantParameters(Frozen):
       contact_stiffness: of all contacts; their damping ratio stays the same.
       cable_stiffness: of all cables, winched and passive.
       cable_damping: of all cables.
-      winch_speed: ratio of the rate of rate winches to the commanded one; position winches lag
-        less.
+      winch_speed: ratio of the rate of rate winches to the commanded one; others lag less.
       mass: of all bodies, with their inertia.
     """
 
@@ -68,13 +67,14 @@ def _scale_cables(model: mujoco.MjModel, parameters: PlantParameters) -> None:
     model.tendon_damping[:] *= damping
     model.tendon_dampingpoly[:] *= damping
     on_tendon = model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON
-    model.actuator_gainprm[on_tendon, 0] *= stiffness
-    model.actuator_biasprm[on_tendon, :2] *= stiffness
+    springs = on_tendon & (model.actuator_biasprm[:, 1] != 0)  # others take tensions
+    model.actuator_gainprm[springs, 0] *= stiffness
+    model.actuator_biasprm[springs, :2] *= stiffness
     model.actuator_biasprm[on_tendon, 2] *= damping
 
 
 def _scale_winches(model: mujoco.MjModel, robot: Robot, scale: float) -> None:
     """Let position winches lag less; `Plant` scales the commands of rate winches."""
     for winch in robot.winches:
-        if winch.kind == "position":
+        if winch.kind != "rate":
             model.actuator_dynprm[list(winch.actuators), 0] /= scale

@@ -303,7 +303,7 @@ def _drive(model: mujoco.MjModel, robot: Robot) -> tuple[Floats, Floats]:
     for index, winch in enumerate(robot.winches):
         for actuator in winch.actuators:
             drive[index, actuator], shift[actuator] = 1.0, 0.0
-            if winch.kind == "position":
+            if winch.kind == "position":  # tensions of one winch are equal
                 pair = model.actuator_actadr[[actuator, winch.actuators[0]]]
                 shift[actuator] = act[pair[0]] - act[pair[1]]
     return drive, shift

@@ -61,8 +61,7 @@ class Reckoning:
         seen, controls = trajectory.observations, trajectory.controls
         if self.nominal or np.isfinite(seen.winch).all():
             return self.robot.known_winch(seen.winch, controls, self.dt)
-        first, told = seen.winch[0], self.told(controls)
-        now = np.where(np.isfinite(first), first, self.robot.winch_of(self.robot.keyframe))
+        told, now = self.told(controls), self.robot.first_winch(seen.winch[0], controls[:1])
         if not self.loaded:
             return self.wound(now, told, None, seen.winch)
         positions, piece = [now[None]], max(1, round(PIECE / self.dt))

@@ -57,13 +57,14 @@ def relaxed(
       (B, bodies, 7) poses.
     """
     poses, rest, width = poses.copy(), rest_lengths(robot, winch), np.pi
+    told = robot.told_tensions(winch)
     pulled = {end.body for cable in robot.cables for end in cable.ends}
     circles = {body: _Circles.of(robot, body, axes[body]) for body in axes if body in pulled}
     for _ in range(rounds):
         angles = np.linspace(-width, width, ANGLES, endpoint=False)
         for _ in range(SWEEPS):
             for body, ends in circles.items():
-                best = angles[ends.energy(poses, rest, angles).argmin(axis=1)]
+                best = angles[ends.energy(poses, rest, told, angles).argmin(axis=1)]
                 turn = poses[:, body, 3:]
                 poses[:, body, 3:] = multiply(about_axis(rotate(turn, axes[body]), best), turn)
         width *= NARROWING
@@ -71,10 +72,11 @@ def relaxed(
 
 
 def rest_lengths(robot: Robot, winch: Floats) -> Floats:
-    """Rest lengths (..., cables) [m] at winch positions (..., W) [m]."""
+    """Rest lengths (..., cables) [m] at winch positions (..., W) [m]; 0 where winches take tensions."""
     nominal = np.array([robot.cables[w.cables[0]].rest_length for w in robot.winches])
     paid_out = np.zeros((*winch.shape[:-1], len(robot.winches) + 1))
-    paid_out[..., :-1] = winch - nominal
+    if not robot.tension_driven:
+        paid_out[..., :-1] = winch - nominal
     driven_by = [cable.winch for cable in robot.cables]  # -1, passive: the zero at the end
     return np.array([cable.rest_length for cable in robot.cables]) + paid_out[..., driven_by]
 
@@ -125,12 +127,13 @@ class _Circles:
             np.array(opposite),
         )
 
-    def energy(self, poses: Floats, rest: Floats, angles: Floats) -> Floats:
+    def energy(self, poses: Floats, rest: Floats, told: Floats, angles: Floats) -> Floats:
         """(B, angles) elastic energy [J] of the cables for a body rotated by these angles.
 
         Args:
           poses: (B, bodies, 7) of all bodies.
           rest: (B, cables) rest lengths [m].
+          told: (B, cables) tensions that winches are told [N].
           angles: [rad].
         """
         held = poses[:, self.others]
@@ -145,4 +148,7 @@ class _Circles:
         square = fixed + by_cos * np.cos(angles) + by_sin * np.sin(angles)
         length = np.sqrt(np.maximum(square, 0.0))
         stretch = np.maximum(length - rest[:, self.cables, None], 0.0)
-        return np.asarray((self.stiffness[:, None] / 2 * stretch**2).sum(axis=1))
+        stored = self.stiffness[:, None] / 2 * stretch**2
+        if told.any():
+            stored = stored + told[:, self.cables, None] * length
+        return np.asarray(stored.sum(axis=1))

@@ -47,6 +47,7 @@ class Layout:
     """
 
     def __init__(self, robot: Robot) -> None:
+        robot.require_rest_lengths("corrected by a network")
         scales = Scales.of(robot)
         self.units = Units(robot.length, scales.time)
         self.bodies, L = len(robot.bodies), robot.length

@@ -25,7 +25,7 @@ from flywheel.robots.adapt.servos import as_winches, joined
 from flywheel.robots.adapt.springs import beside_winches, pull_only
 from flywheel.robots.adapt.start import fitting, start
 from flywheel.robots.adapt.structure import bent, structural
-from flywheel.robots.adapt.tensions import tensions
+from flywheel.robots.adapt.tensions import alone, tensions
 from flywheel.robots.adapt.upright import upright
 from flywheel.robots.problems import problems_of
 
@@ -44,6 +44,7 @@ OF_ROBOT: dict[str, Callable[[Draft], Iterator[Change]]] = {
     "winches": made_winches,
     "joined": joined,
     "tensions": tensions,
+    "motors": alone,
     "servos": as_winches,
     "pull-only": pull_only,
     "springs": beside_winches,

@@ -16,7 +16,7 @@ from flywheel.robots.adapt.draft import (
     digits,
     general,
 )
-from flywheel.robots.winches import KINDS
+from flywheel.robots.winches import kind_of
 
 SHORTEST = 0.1  # of a cable's length: what a winch can wind it to
 DURATION = 5.0  # of winding from one end of the range to the other [s]
@@ -61,9 +61,8 @@ def ranges(draft: Draft) -> Iterator[Change]:
 def _winches(model: mujoco.MjModel) -> Iterator[tuple[int, str]]:
     """Actuators that are winches but for their ranges."""
     for actuator, name in actuators(model):
-        kind = int(model.actuator_dyntype[actuator])
         gain, bias = model.actuator_gainprm[actuator, 0], model.actuator_biasprm[actuator, 1]
-        if kind in KINDS and gain > 0 and bias < 0:
+        if kind_of(model, actuator) is not None and gain > 0 and bias < 0:
             yield actuator, name
 
 
@@ -79,7 +78,7 @@ def _missing(model: mujoco.MjModel, data: mujoco.MjData, actuator: int) -> dict[
     low = SHORTEST * high
     acts, act = _limits(model, "act", actuator)
     controlled, control = _limits(model, "ctrl", actuator)
-    if KINDS[int(model.actuator_dyntype[actuator])] == "position":
+    if kind_of(model, actuator) == "position":
         usable = controlled and (control[0] >= 0 or control[1] <= 0)
         return {} if usable else _written("ctrl", _counting(control, low, high))
     ends = act if acts and act[0] >= 0 else _counting(act, low, high)

@@ -21,7 +21,7 @@ from flywheel.robots.adapt.draft import (
     weight_of,
 )
 from flywheel.robots.mjcf_source import compiled, parsed
-from flywheel.robots.winches import KINDS
+from flywheel.robots.winches import kind_of
 
 
 def fitting(draft: Draft) -> Iterator[Change]:
@@ -71,9 +71,13 @@ def start(draft: Draft) -> Iterator[Change]:
         low, high = _limits(model, actuator)
         now = float(data.act[model.actuator_actadr[actuator]])
         if not model.nkey or not low <= now <= high:
+            if kind_of(model, actuator) == "tension":
+                given[name] = float(np.clip(weight_of(model) / _lift(model, data), low, high))
+                edits.append(f"tension of {name!r} {given[name]:.6g} N")
+                continue
             stretch = pull / len(winched) / float(model.actuator_gainprm[actuator, 0])
             given[name] = float(np.clip(draft.rests.get(name, length - stretch), low, high))
-            edits.append(f"{name!r} {given[name]:.6g} m")
+            edits.append(f"rest length of {name!r} {given[name]:.6g} m")
     if not model.nkey:
         attributes = {"name": "start", "qpos": digits(*model.qpos0)}
         ElementTree.SubElement(draft.section("keyframe"), "key", attributes)
@@ -84,17 +88,17 @@ def start(draft: Draft) -> Iterator[Change]:
         keys = Keys.of(model)
     if not given:
         return
-    takes = {name: KINDS.get(int(model.actuator_dyntype[a])) for a, name in winched}
+    takes = {name: kind_of(model, a) for a, name in winched}
     for name, rest in given.items():
         keys.act[0][name] = rest
-        keys.ctrl[0][name] = rest if takes[name] == "position" else 0.0
+        keys.ctrl[0][name] = 0.0 if takes[name] == "rate" else rest
     keys.write(draft)
     reason = (
         "Every reset begins at the first keyframe, and winches with act 0 would pull everything in."
     )
     if pull and not draft.rests:
         reason += " All winches together pull as much as it weighs."
-    yield Change(tuple(f"rest length of {each}" for each in edits), reason, Certainty.GUESS)
+    yield Change(tuple(edits), reason, Certainty.GUESS)
 
 
 def with_key(xml: str, name: str, qpos: Floats, act: Floats) -> str:
@@ -111,7 +115,7 @@ def with_key(xml: str, name: str, qpos: Floats, act: Floats) -> str:
     model = compiled(xml)[2]
     ctrl = model.key_ctrl[0].copy()
     for actuator, _ in actuators(model):
-        if KINDS.get(int(model.actuator_dyntype[actuator])) == "position":
+        if kind_of(model, actuator) in ("position", "tension"):
             ctrl[actuator] = act[model.actuator_actadr[actuator]]
     key.attrib.pop("qvel", None)
     key.attrib |= {"name": name, "qpos": digits(*qpos)}
@@ -120,14 +124,28 @@ def with_key(xml: str, name: str, qpos: Floats, act: Floats) -> str:
 
 
 def _limits(model: mujoco.MjModel, actuator: int) -> tuple[float, float]:
-    """Least and largest rest length with which a winch may start [m]."""
+    """Least and largest rest length [m], or tension [N], with which a winch may start."""
     low, high = 1e-9, np.inf
     if model.actuator_actlimited[actuator]:
         low, high = map(float, model.actuator_actrange[actuator])
-    if KINDS.get(int(model.actuator_dyntype[actuator])) == "position":
+    if kind_of(model, actuator) in ("position", "tension"):
         control = model.actuator_ctrlrange[actuator]
         low, high = max(low, float(control[0])), min(high, float(control[1]))
     return low, max(low, high)
+
+
+def _lift(model: mujoco.MjModel, data: mujoco.MjData) -> float:
+    """Sum of the cosines between the winched cables to fixed points and the vertical; at least their number
+    if they do not lift.
+    """
+    found, cables = 0.0, [int(model.actuator_trnid[a, 0]) for a, _ in actuators(model)]
+    for cable in cables:
+        sites = model.wrap_objid[model.tendon_adr[cable] : model.tendon_adr[cable] + 2]
+        fixed = model.body_weldid[model.site_bodyid[sites]] == 0
+        rise = float(np.diff(data.site_xpos[sites, 2])[0])
+        if fixed.sum() == 1:
+            found += (rise if fixed[1] else -rise) / max(float(data.ten_length[cable]), 1e-9)
+    return found if found > 0 else float(len(cables))
 
 
 def _pull(model: mujoco.MjModel) -> float:

@@ -60,9 +60,10 @@ def check_suits(config: RunConfig, robot: Robot) -> None:
       UnknownNameError: an effect has a place that the robot does not have, or is in no library.
       DataError: an effect cannot be uncertain.
       ModelError: the robot does not come to rest.
-      RobotError: the robot has no winch.
+      RobotError: the robot has no winch, or winches that take tensions.
     """
     robot.require_winches("run")
+    robot.require_rest_lengths("run")
     if config.effects_from:
         config.diagnose.check_names(config.library())
         own = config.library({})

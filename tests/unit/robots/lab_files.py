@@ -440,6 +440,7 @@ ADAPTABLE = (
     activations_in_the_key,
     crossed_bars,
     ropes,
+    tension_motors,
 )
 DRIVEN_FROM_PYTHON = {
     "prism_driven_from_python": ("b?-t?",),
@@ -451,7 +452,6 @@ REFUSED = {
     hinged_leg: "It has the joints 'hip' (hinge, of the body 'thigh'), 'knee' (hinge, of the body 'shin')",
     routed_trunk: "The tendon 'tendon_1' must be straight between exactly two sites",
     muscles: "The MJCF has a muscle",
-    tension_motors: "The actuators 'm0', 'm1', 'm2', 'm3' must have a stiffness k",
     two_motors_on_a_spring: "The actuators 'b0b1', 'b1b2' must have a stiffness k",
     on_a_slope: "The MJCF has gravity along a slanting line",
 }
