@@ -28,9 +28,9 @@ from benchmarks.speed.plant import SIMULATIONS, STEPS, contenders
 from flywheel.cli.exits import CODES, OneCommand
 from flywheel.cli.options import within
 from flywheel.data import WindowCache
+from flywheel.dynamics.arithmetic import Device
 from flywheel.dynamics.gnn import (
     ChunkNetwork,
-    Device,
     LearnedDynamics,
     NetworkConfig,
     Simulator,

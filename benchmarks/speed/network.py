@@ -16,8 +16,8 @@ import numpy as np
 import torch
 from torch.utils.flop_counter import FlopCounterMode
 
+from flywheel.dynamics.arithmetic import Device
 from flywheel.dynamics.gnn.config import NetworkConfig
-from flywheel.dynamics.gnn.devices import Device
 from flywheel.dynamics.gnn.fused import FusedForward
 from flywheel.dynamics.gnn.learned import (
     BLOCK,

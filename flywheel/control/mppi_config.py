@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, ClassVar, Literal, Self
+from typing import Annotated, ClassVar, Self
 
 from pydantic import model_validator
 
+from flywheel.dynamics.arithmetic import Arithmetic, Device, Precision
 from flywheel.errors import ConfigError
 from flywheel.quantities import Bounds, Factor, HorizonSeconds, PartialShare, Samples, Share
 from flywheel.validation import Frozen
@@ -33,6 +34,9 @@ class MppiConfig(Frozen):
       fresh_seconds: duration of such a stroke [s].
       device: of a network's predictions; "cuda" for a GPU, on which plants are not simulated. Part of
         the result: sums are rounded differently.
+      precision: of a network's matrix products on the processor. "auto" is bfloat16 where the
+        processor has instructions for it, with which plans take a quarter less time. Part of the
+        result.
     """
 
     TIMES: ClassVar = ("horizon_seconds", "knot_seconds", "replan_seconds")
@@ -49,7 +53,13 @@ class MppiConfig(Frozen):
     elites: Annotated[int, Bounds(0, 10_000)] = 2
     fresh: Share = 0.4
     fresh_seconds: HorizonSeconds = 1.5
-    device: Literal["cpu", "cuda"] = "cpu"
+    device: Device = "cpu"
+    precision: Precision = "auto"
+
+    @property
+    def arithmetic(self) -> Arithmetic:
+        """Of a network's predictions."""
+        return Arithmetic(self.device, self.precision)
 
     @model_validator(mode="after")
     def _acts_within_its_horizon(self) -> Self:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Self
 
 from pydantic import ConfigDict, Field, field_validator, model_validator
 
+from flywheel.dynamics.arithmetic import Device, Precision
 from flywheel.quantities import (
     Bounds,
     Factor,
@@ -146,8 +147,8 @@ class TrainingConfig(Frozen):
     report_every: OptimiserSteps = 20
     patience: Annotated[int, Bounds(0, 10_000_000)] = 0
     checkpoint_every: OptimiserSteps = 100
-    device: Literal["cpu", "cuda"] = "cpu"
-    precision: Literal["float32", "bfloat16", "auto"] = "auto"
+    device: Device = "cpu"
+    precision: Precision = "auto"
     threads: Threads = 1
     seed: Seed = 0
     start_from: Place = Field(default="", alias="from")

@@ -311,8 +311,8 @@ def network_of(
         if (path := Path(model)).is_file()
         else _network_weights(source, robot, model, instead)
     )
-    threads, library, device = config.sim_threads, config.library(), config.mppi.device
-    dynamics = weights.dynamics(robot, threads, library, device)
+    threads, library, arithmetic = config.sim_threads, config.library(), config.mppi.arithmetic
+    dynamics = weights.dynamics(robot, threads, library, arithmetic)
     if abs(dynamics.dt - config.network.dt) > 1e-9:
         raise ConfigError(
             f"The model {model} predicts in steps of {dynamics.dt:g} s; network.dt is "

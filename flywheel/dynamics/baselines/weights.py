@@ -9,6 +9,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from flywheel.dynamics.arithmetic import Arithmetic
 from flywheel.dynamics.baselines.engine import RigidBodyEngine
 from flywheel.dynamics.baselines.linear import LinearDynamics
 from flywheel.dynamics.weight_files import (
@@ -116,9 +117,9 @@ class BaselineWeights:
         robot: Robot,
         threads: int = 1,
         library: Mapping[str, Effect] = NAMED,
-        device: str = "cpu",
+        arithmetic: Arithmetic = Arithmetic(),
     ) -> FitModel:
-        """The dynamics model, on one thread of the processor and without effects in any case."""
+        """The dynamics model, on one thread of the processor, in float64 and without effects in any case."""
         kind = FITTED[self.kind]
         config = kind.Config.model_validate(self.config)
         found: FitModel = kind.of(robot, self.dt, config, self.arrays)

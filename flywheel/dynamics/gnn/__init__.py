@@ -2,7 +2,7 @@
 
 from flywheel.dynamics.gnn.batch import Batch
 from flywheel.dynamics.gnn.config import NetworkConfig
-from flywheel.dynamics.gnn.devices import Device, check_device
+from flywheel.dynamics.gnn.devices import check_device
 from flywheel.dynamics.gnn.ground import View, ground_of
 from flywheel.dynamics.gnn.learned import LearnedDynamics
 from flywheel.dynamics.gnn.network import ChunkNetwork
@@ -13,7 +13,6 @@ from flywheel.dynamics.gnn.weights import load_weights, save_weights, weights_di
 __all__ = [
     "Batch",
     "ChunkNetwork",
-    "Device",
     "LearnedDynamics",
     "NetworkConfig",
     "Simulator",

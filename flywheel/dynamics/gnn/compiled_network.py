@@ -7,12 +7,13 @@ compiled kernels between them. Nothing but the activations is kept for the adjoi
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor
 
+from flywheel.dynamics.arithmetic import Precision
 from flywheel.dynamics.gnn.features import GraphFeatures
 from flywheel.dynamics.gnn.fused import FusedForward
 from flywheel.dynamics.gnn.graph import RobotGraph
@@ -21,7 +22,6 @@ from flywheel.dynamics.gnn.network import ChunkNetwork
 from flywheel.dynamics.gnn.packed import Encoder, Layer, Packed
 from flywheel.dynamics.gnn.prediction import Forward, Memory, Prediction
 
-Precision = Literal["float32", "bfloat16", "auto"]
 Weights = dict[str, Tensor]
 _NONE = np.zeros((0, 1, 1), np.float32)
 # How the names of matrices end that act on latent vectors.

@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 import torch
 
 from flywheel.errors import ConfigError
-
-Device = Literal["cpu", "cuda"]
 
 
 def check_device(device: str, setting: str = "device") -> None:

@@ -14,8 +14,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from flywheel.dynamics.gnn.compiled_network import Precision
-from flywheel.dynamics.gnn.devices import Device, check_device
+from flywheel.dynamics.arithmetic import Device, Precision
+from flywheel.dynamics.gnn.devices import check_device
 from flywheel.dynamics.gnn.ground import ground_of
 from flywheel.dynamics.gnn.network import ChunkNetwork
 from flywheel.dynamics.gnn.simulator import Simulator, Start

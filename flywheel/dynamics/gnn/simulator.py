@@ -16,7 +16,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from flywheel.dynamics.gnn.compiled_network import Precision, prepared
+from flywheel.dynamics.arithmetic import Precision
+from flywheel.dynamics.gnn.compiled_network import prepared
 from flywheel.dynamics.gnn.compiled_step import CompiledStep
 from flywheel.dynamics.gnn.config import NetworkConfig
 from flywheel.dynamics.gnn.features import MechanicalState

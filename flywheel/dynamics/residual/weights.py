@@ -11,6 +11,7 @@ import numpy as np
 import torch
 from pydantic import Field
 
+from flywheel.dynamics.arithmetic import Arithmetic
 from flywheel.dynamics.plant import Plant, RestartedPlant, with_effects
 from flywheel.dynamics.residual.config import ResidualConfig
 from flywheel.dynamics.residual.model import ResidualDynamics
@@ -209,9 +210,9 @@ class ResidualWeights:
         robot: Robot,
         threads: int = 1,
         library: Mapping[str, Effect] = NAMED,
-        device: str = "cpu",
+        arithmetic: Arithmetic = Arithmetic(),
     ) -> ResidualDynamics:
-        """The dynamics model, on the processor whatever `device` is: its plant is simulated there."""
+        """The dynamics model, in its own arithmetic in any case: its plant is simulated on the processor."""
         network = _network(robot, self.config)
         state = {name: torch.from_numpy(np.array(value)) for name, value in self.arrays.items()}
         network.load_state_dict(state)

@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from flywheel.diagnosis.fitting.subject import Subject
+from flywheel.dynamics.arithmetic import Arithmetic
 from flywheel.dynamics.baselines.weights import BaselineWeights, is_baseline
-from flywheel.dynamics.gnn import Device, LearnedDynamics, NetworkConfig, load_weights
+from flywheel.dynamics.gnn import LearnedDynamics, NetworkConfig, load_weights
 from flywheel.dynamics.gnn.weights import network_from_arrays, weights_arrays, weights_digest
 from flywheel.dynamics.residual import ResidualWeights, is_residual
 from flywheel.effects import NAMED, Effect
@@ -59,7 +60,7 @@ class Weights:
         robot: Robot,
         threads: int = 1,
         library: Mapping[str, Effect] = NAMED,
-        device: Device = "cpu",
+        arithmetic: Arithmetic = Arithmetic(),
     ) -> LearnedDynamics:
         """The dynamics model with these weights, which needs no library of effects.
 
@@ -67,7 +68,7 @@ class Weights:
           ConfigError: there is no such device.
         """
         network = network_from_arrays(robot, self.config, self.arrays)
-        return LearnedDynamics(robot, network, threads=threads, device=device)
+        return LearnedDynamics(robot, network, threads, **vars(arithmetic))
 
 
 AnyWeights = Weights | ResidualWeights | BaselineWeights

@@ -80,7 +80,7 @@ class RobotWorker(Worker):
             return None
         if weights is not None:
             threads, library = self._config.sim_threads, self._config.library()
-            return weights.dynamics(self._robot, threads, library, self._config.mppi.device)
+            return weights.dynamics(self._robot, threads, library, self._config.mppi.arithmetic)
         simulated = EpisodeRecorder(self._config, self._robot).plant(0, plan.effects)
         return RestartedPlant.from_measurements(simulated)
 

@@ -19,7 +19,7 @@ from flywheel.data import TrajectoryStore
 from flywheel.diagnosis import Diagnosis, diagnose
 from flywheel.diagnosis.fitting.windows import noise_floor
 from flywheel.dynamics import Persistence
-from flywheel.dynamics.gnn import Device
+from flywheel.dynamics.arithmetic import Arithmetic
 from flywheel.dynamics.plant import MeasurementModel, RestartedPlant
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.effects import EFFECTS
@@ -107,7 +107,7 @@ class SimWorker(Worker):
         self._recorder = EpisodeRecorder(config, robot)
         self._config = config
         self._store = TrajectoryStore(store)
-        self._models: dict[tuple[str, Device], Dynamics] = {}
+        self._models: dict[tuple[str, Arithmetic], Dynamics] = {}
         self._library = config.library()
 
     def record(self, plan: EpisodePlan, weights: AnyWeights | None = None) -> EpisodeNote:
@@ -123,8 +123,8 @@ class SimWorker(Worker):
         if (there := committed(self._store, plan.id)) is not None:
             self._recorder.check_own(there)
             return EpisodeNote.of(there, self._recorder.walk(plan, there))
-        device = self._config.mppi.device
-        dynamics = None if weights is None else self._model(weights, device)
+        arithmetic = self._config.mppi.arithmetic
+        dynamics = None if weights is None else self._model(weights, arithmetic)
         digest = "" if weights is None else weights.digest
         try:
             episode = self._recorder.record(plan, dynamics, digest, self._heartbeat.progress)
@@ -283,13 +283,13 @@ class SimWorker(Worker):
             return episode.trajectory.observations.points
         return self._recorder.plant(0, effects_of(episode)).observe(states).points
 
-    def _model(self, weights: AnyWeights, device: Device = "cpu") -> Dynamics:
-        key = weights.digest, device
+    def _model(self, weights: AnyWeights, arithmetic: Arithmetic = Arithmetic()) -> Dynamics:
+        key = weights.digest, arithmetic
         if key not in self._models:
             while len(self._models) >= MODELS_KEPT:
                 del self._models[next(iter(self._models))]
             self._models[key] = weights.dynamics(
-                self._recorder.robot, self._config.sim_threads, self._library, device
+                self._recorder.robot, self._config.sim_threads, self._library, arithmetic
             )
         return self._models[key]
 

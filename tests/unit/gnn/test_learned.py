@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 import torch
 
-from flywheel.dynamics.gnn import LearnedDynamics, NetworkConfig, Simulator
+from flywheel.dynamics.arithmetic import Arithmetic
+from flywheel.dynamics.gnn import LearnedDynamics, NetworkConfig, Simulator, weights_digest
 from flywheel.dynamics.gnn.learned import shares
+from flywheel.dynamics.gnn.weights import weights_arrays
 from flywheel.errors import ModelError
 from flywheel.records import Observation, Past
+from flywheel.runtime.workers.model_weights import Weights
 
 CONFIG = NetworkConfig.lean(width=16)
 
@@ -52,6 +55,17 @@ def test_blocks_and_threads_change_nothing(scene, one_past):
         np.testing.assert_allclose(split.points, whole.points, rtol=0, atol=1e-4)
         again = model.rollout(past, controls)
         assert np.array_equal(split.points, again.points)
+
+
+def test_predictions_have_the_precision_of_their_arithmetic(scene):
+    robot, network, window = scene
+    past, controls = past_of(window), window.controls.numpy()
+    weights = Weights(weights_digest(network), network.config, weights_arrays(network))
+    exact, rounded = (
+        weights.dynamics(robot, arithmetic=Arithmetic("cpu", precision)).rollout(past, controls)
+        for precision in ("float32", "bfloat16")
+    )
+    assert 1e-6 < np.abs(rounded.points - exact.points).max() < 0.05
 
 
 def test_torch_keeps_its_own_threads(scene):

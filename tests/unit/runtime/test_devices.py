@@ -1,4 +1,4 @@
-"""A run on a GPU where there is none is refused before anything begins, and planners get the device."""
+"""A run on a GPU where there is none is refused at once; planners get device and precision."""
 
 from pathlib import Path
 
@@ -6,6 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 from flywheel.cli.main import app
+from flywheel.dynamics.arithmetic import Arithmetic
 from flywheel.dynamics.gnn.shipped import shipped_weights
 from flywheel.errors import ConfigError
 from flywheel.robots import load_robot
@@ -43,8 +44,19 @@ def test_planning_on_a_gpu_that_is_not_there_is_bad_input(command, tmp_path):
 
 
 @pytest.mark.parametrize("kind", ["sim", "robot"])
-def test_a_worker_plans_with_the_network_on_the_device_of_the_planner(kind, tmp_path):
-    config = load_config(SMOKE, ["mppi.device=cuda", "robot.link=simulated", "collect.gaits=0"])
+def test_a_worker_plans_with_the_network_in_the_arithmetic_of_the_planner(
+    kind, tmp_path, monkeypatch
+):
+    asked = []
+
+    def refuse(weights, robot, threads, library, arithmetic):
+        asked.append(arithmetic)
+        raise ConfigError("that is all")
+
+    config = load_config(
+        SMOKE,
+        ["mppi.device=cuda", "mppi.precision=bfloat16", "robot.link=simulated", "collect.gaits=0"],
+    )
     robot, store = load_robot(config.model), str(tmp_path / "store")
     worker = (
         SimWorker(config, store, robot)
@@ -54,3 +66,7 @@ def test_a_worker_plans_with_the_network_on_the_device_of_the_planner(kind, tmp_
     weights = Weights.read(shipped_weights(robot), robot)
     with pytest.raises(ConfigError, match="device=cuda needs a CUDA GPU"):
         worker.record(PLAN, weights)
+    monkeypatch.setattr(Weights, "dynamics", refuse)
+    with pytest.raises(ConfigError, match="that is all"):
+        worker.record(PLAN, weights)
+    assert asked == [Arithmetic("cuda", "bfloat16")]
