@@ -110,6 +110,8 @@ class Effect(ABC):
     def parts_on(self, robot: Robot) -> tuple[int, ...]:
         """Indices of the parts, of the kind `part`, on which the effect has a meaning on a robot."""
         able = [winch.kind in self.winch_kinds for winch in robot.winches]
+        if isinstance(self, WinchEffect):  # the load of antagonists is another
+            able = [each and w.alike for each, w in zip(able, robot.winches, strict=True)]
         cables = [cable.winch < 0 or able[cable.winch] for cable in robot.cables]
         if self.part == "robot":
             return (0,) if any(cables) or not cables else ()
@@ -125,7 +127,10 @@ class Effect(ABC):
         """
         if not self.places(robot):
             has_some = bool(parts_of(robot, self.part))
-            why = "whose winches take tensions" if has_some else f"which has no {self.part}"
+            why = f"which has no {self.part}"
+            if has_some:
+                tensions = robot.tension_driven
+                why = f"whose winches {'take tensions' if tensions else 'drive antagonists'}"
             raise RobotError(f"{self.name} has no meaning on {robot.name}, {why}.")
 
 

@@ -117,7 +117,7 @@ class Cable:
 
 @dataclass(frozen=True)
 class Winch:
-    """A motor that changes the rest length, or the tension, of one or several cables by the same amount.
+    """A motor that changes the rest length, or the tension, of one or several cables in fixed ratios.
 
     Attributes:
       name: of the control: the actuator's name, or that of the MJCF's tuple of several actuators;
@@ -134,6 +134,8 @@ class Winch:
       time_constant: of the lag [s]; 0 for a rate winch.
       measured: the MJCF has a sensor for its position.
       sensor: that sensor's name, the recordings' column; "" without one.
+      ratios: change of each cable's rest length per change of the winch's position; 1 for the first, -1
+        for its antagonist on the same drum.
     """
 
     name: str
@@ -146,6 +148,12 @@ class Winch:
     measured: bool
     activation: int
     sensor: str = ""
+    ratios: tuple[float, ...] = (1.0,)
+
+    @property
+    def alike(self) -> bool:
+        """True if all its cables change by the same amount."""
+        return all(ratio == 1.0 for ratio in self.ratios)
 
     @property
     def unit(self) -> str:

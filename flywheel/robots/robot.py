@@ -123,7 +123,7 @@ class Robot:
             )
 
     def require_rest_lengths(self, to_be: str) -> None:
-        """Reject a robot whose winches take tensions.
+        """Reject a robot whose winches take tensions, or move cables by different amounts.
 
         Args:
           to_be: the impossible operation, for the message: "predicted by a network".
@@ -131,11 +131,24 @@ class Robot:
         Raises:
           RobotError: they do.
         """
+        if not all(winch.alike for winch in self.winches):
+            raise RobotError(
+                f"{self.name} cannot be {to_be}: it has antagonists on one winch, and that needs winches "
+                "whose cables all change by the same amount."
+            )
         if self.tension_driven:
             raise RobotError(
                 f"{self.name} cannot be {to_be}: its winches take tensions, and that needs winches that take "
                 "rest lengths or their rates."
             )
+
+    @cached_property
+    def ratios(self) -> Floats:
+        """(C,) change of each cable's rest length per change of its winch's position; 0 without a winch."""
+        ratios = np.zeros(len(self.cables))
+        for winch in self.winches:
+            ratios[list(winch.cables)] = winch.ratios
+        return ratios
 
     @cached_property
     def tension_driven(self) -> bool:

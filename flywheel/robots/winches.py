@@ -10,7 +10,8 @@ A winch's actuator is a `general` actuator on the cable's tendon whose force is
 `dyntype="integrator"` takes the rate of the rest length [m/s], `dyntype="filterexact"` the desired
 rest length [m], reached with the lag `dynprm` [s]. With `gainprm="-1"` and `biasprm="0 0 -c"` the
 latter takes the tension [N], whatever the cable's length. Several cables on one winch are one
-`<custom><tuple name="lift"> <element objtype="actuator" objname="..."/> ... </tuple></custom>`.
+`<custom><tuple name="lift"> <element objtype="actuator" objname="..."/> ... </tuple></custom>`; an
+element's `prm` is its cable's share of the motion, -1 for the antagonist of a cable with 1.
 """
 
 from __future__ import annotations
@@ -61,10 +62,10 @@ def read_winches(model: mujoco.MjModel, act: Floats) -> tuple[Winch, ...]:
         problems.attempt(partial(_check_start, model, actuator, act))
     problems.check()
     measured = _measured(model)
-    groups = _groups(model, driving)
+    groups, shares = _groups(model, driving), _shares(model)
     for name, actuators in groups.items():
-        _check_alike(model, name, actuators, act)
-    winches = [_winch(model, name, group, measured) for name, group in groups.items()]
+        _check_alike(model, name, actuators, act, shares)
+    winches = [_winch(model, name, group, measured, shares) for name, group in groups.items()]
     told = [winch.name for winch in winches if winch.kind == "tension"]
     if 0 < len(told) < len(winches):
         raise RobotError(
@@ -81,7 +82,11 @@ def is_passive(model: mujoco.MjModel, actuator: int) -> bool:
 
 
 def _winch(
-    model: mujoco.MjModel, name: str, actuators: tuple[int, ...], measured: dict[int, str]
+    model: mujoco.MjModel,
+    name: str,
+    actuators: tuple[int, ...],
+    measured: dict[int, str],
+    shares: Floats,
 ) -> Winch:
     actuators = tuple(sorted(actuators, key=lambda a: a not in measured))
     first = actuators[0]
@@ -100,6 +105,7 @@ def _winch(
         time_constant=0.0 if kind == "rate" else float(model.actuator_dynprm[first, 0]),
         measured=first in measured,
         activation=int(model.actuator_actadr[first]),
+        ratios=tuple(float(shares[a] / shares[first]) for a in actuators),
         sensor=measured.get(first, ""),
     )
 
@@ -273,31 +279,49 @@ def _groups(model: mujoco.MjModel, driving: list[int]) -> dict[str, tuple[int, .
     return groups | alone
 
 
-def _check_alike(model: mujoco.MjModel, name: str, actuators: tuple[int, ...], act: Floats) -> None:
-    """Reject actuators of one winch whose rest lengths would not change by the same amount."""
+def _shares(model: mujoco.MjModel) -> Floats:
+    """(nu,) shares of actuators in the motion of their winches: the tuples' prm; 1 where it is missing."""
+    shares = np.ones(model.nu)
+    actuators = model.tuple_objtype == mujoco.mjtObj.mjOBJ_ACTUATOR
+    given = model.tuple_objprm[actuators]
+    shares[model.tuple_objid[actuators]] = np.where(given == 0, 1.0, given)
+    return shares
+
+
+def _check_alike(
+    model: mujoco.MjModel, name: str, actuators: tuple[int, ...], act: Floats, shares: Floats
+) -> None:
+    """Reject actuators of one winch whose rest lengths would not change in their ratio."""
     first = actuators[0]
     start = act[model.actuator_actadr[list(actuators)]]
     for actuator, shift in zip(actuators, start - start[0], strict=True):
-        position = kind_of(model, actuator) != "rate"
+        position, ratio = kind_of(model, actuator) != "rate", shares[actuator] / shares[first]
+        begins = (start[0], start[0] + shift)
         same = (
             kind_of(model, actuator) == kind_of(model, first)
-            and (shift == 0 or kind_of(model, first) != "tension")
+            and ((shift == 0 and ratio == 1) or kind_of(model, first) != "tension")
             and model.actuator_actlimited[actuator] == model.actuator_actlimited[first]
             and model.actuator_dynprm[actuator, 0] == model.actuator_dynprm[first, 0]
-            and _shifted(model.actuator_ctrlrange, actuator, first, shift if position else 0.0)
-            and _shifted(model.actuator_actrange, actuator, first, shift)
+            and _fits(
+                model.actuator_ctrlrange[[first, actuator]],
+                begins if position else (0.0, 0.0),
+                ratio,
+            )
+            and _fits(model.actuator_actrange[[first, actuator]], begins, ratio)
         )
         if not same:
+            about = "" if ratio == 1 else f", times {ratio:g} (the ratio of their prm) about these"
             raise RobotError(
                 f"The actuators {model.actuator(first).name!r} and {model.actuator(actuator).name!r} "
                 f"of winch {name!r} must have the same dyntype, dynprm and ctrlrange, and actranges "
-                f"that differ as the keyframe's rest lengths do ({shift:g} m)."
+                f"that differ as the keyframe's rest lengths do ({shift:g} m){about}."
             )
 
 
-def _shifted(ranges: np.ndarray, actuator: int, first: int, shift: float) -> bool:
-    unused = not ranges[[actuator, first]].any()
-    return bool(unused or np.allclose(ranges[actuator], ranges[first] + shift, rtol=0, atol=1e-9))
+def _fits(ranges: np.ndarray, begins: tuple[float, float], ratio: float) -> bool:
+    """True if the second range (2, 2) is the first one, times a ratio, about where both begin."""
+    wanted = np.sort(begins[1] + ratio * (ranges[0] - begins[0]))
+    return bool(not ranges.any() or np.allclose(ranges[1], wanted, rtol=0, atol=1e-9))
 
 
 def _measured(model: mujoco.MjModel) -> dict[int, str]:

@@ -334,7 +334,8 @@ def _rest_lengths(
         relative[cables] = winch.kind == "rate" and not known
         moved = measured if known else told[:, index]
         counted = known or winch.kind == "position"  # from 0, not from the keyframe
-        rest[:, cables] += (moved - kept[cables[0]] if counted else moved)[:, None]
+        moved = moved - kept[cables[0]] if counted else moved
+        rest[:, cables] += moved[:, None] * winch.ratios
     return rest, relative
 
 
@@ -365,9 +366,9 @@ def _limits(
     kept = np.array([cable.rest_length for cable in robot.cables])
     lowest, highest = kept.copy(), kept.copy()
     for winch in robot.winches:
-        shift = kept[list(winch.cables)] - kept[winch.cables[0]]
-        lowest[list(winch.cables)] = winch.rest_range[0] + shift
-        highest[list(winch.cables)] = winch.rest_range[1] + shift
+        for cable, ratio in zip(winch.cables, winch.ratios, strict=True):
+            ends = ratio * (np.array(winch.rest_range) - kept[winch.cables[0]])
+            lowest[cable], highest[cable] = kept[cable] + ends.min(), kept[cable] + ends.max()
     at_keyframe, pull = _at_keyframe(robot), PULLED * stretch(robot)
     # A winch may pay out another length than it is told or measures.
     gain = np.where(relative, 0.0, GAIN * np.median(np.abs(rest - kept), axis=0))

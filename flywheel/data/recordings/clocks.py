@@ -103,7 +103,7 @@ def _followed(robot: Robot, positions: Floats) -> Floats:
     """Lengths (n, C) of cables that follow winches at positions (n, W) at once [m]."""
     cables = np.zeros((len(positions), len(robot.cables)))
     for i, winch in enumerate(robot.winches):
-        cables[:, winch.cables] = positions[:, [i]]
+        cables[:, winch.cables] = positions[:, [i]] * winch.ratios
     return cables
 
 

@@ -109,7 +109,7 @@ class Plant:
         self._drive, self._drive_shift = _drive(base, robot)
         self._spool = np.zeros((len(first), base.na))
         for index, winch in enumerate(robot.winches):
-            self._spool[index, base.actuator_actadr[list(winch.actuators)]] = 1.0
+            self._spool[index, base.actuator_actadr[list(winch.actuators)]] = winch.ratios
 
     @property
     def winch_speed(self) -> Floats:
@@ -301,9 +301,9 @@ def _drive(model: mujoco.MjModel, robot: Robot) -> tuple[Floats, Floats]:
     shift = np.clip(0.0, *limited.T)
     act = robot.keyframe.act
     for index, winch in enumerate(robot.winches):
-        for actuator in winch.actuators:
-            drive[index, actuator], shift[actuator] = 1.0, 0.0
+        for actuator, ratio in zip(winch.actuators, winch.ratios, strict=True):
+            drive[index, actuator], shift[actuator] = ratio, 0.0
             if winch.kind == "position":  # tensions of one winch are equal
                 pair = model.actuator_actadr[[actuator, winch.actuators[0]]]
-                shift[actuator] = act[pair[0]] - act[pair[1]]
+                shift[actuator] = act[pair[0]] - ratio * act[pair[1]]
     return drive, shift

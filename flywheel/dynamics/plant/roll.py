@@ -78,7 +78,8 @@ def rest_lengths(robot: Robot, winch: Floats) -> Floats:
     if not robot.tension_driven:
         paid_out[..., :-1] = winch - nominal
     driven_by = [cable.winch for cable in robot.cables]  # -1, passive: the zero at the end
-    return np.array([cable.rest_length for cable in robot.cables]) + paid_out[..., driven_by]
+    kept = np.array([cable.rest_length for cable in robot.cables])
+    return kept + robot.ratios * paid_out[..., driven_by]
 
 
 @dataclass(frozen=True)
