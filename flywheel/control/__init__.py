@@ -6,7 +6,7 @@ from flywheel.control.mppi import Mppi
 from flywheel.control.mppi_config import MppiConfig
 from flywheel.control.open_loop import Hold, Playback, RandomControls
 from flywheel.control.protocol import Command, Controller
-from flywheel.control.starts import above_ground, random_drop, refuse_fixed, standing
+from flywheel.control.starts import above_ground, random_drop, refuse_fixed, standing, thrown
 
 CONTROLLERS = {
     "hold": Hold,
@@ -31,4 +31,5 @@ __all__ = [
     "record_episode",
     "refuse_fixed",
     "standing",
+    "thrown",
 ]

@@ -1,4 +1,4 @@
-"""Initial states of episodes: dropped from above, in any orientation, or standing somewhere."""
+"""Initial states of episodes: dropped or thrown from above, in any orientation, or standing somewhere."""
 
 from __future__ import annotations
 
@@ -8,10 +8,15 @@ from scipy.spatial.transform import Rotation
 from flywheel.dynamics.plant import Plant
 from flywheel.errors import RobotError
 from flywheel.records import Floats, State
-from flywheel.robots import Robot
+from flywheel.robots import GRAVITY, Robot
+from flywheel.rotations import conjugate, rotate
 
 FREE_JOINT = 7  # position and quaternion
 HEIGHT = (0.03, 0.4)  # height of the lowest cap's surface above the ground [robot lengths]
+FLIGHT, SPIN = (
+    0.5,
+    1.0,
+)  # of throws, standard deviation in each direction [sqrt(g L)], [sqrt(g / L)]
 
 
 def random_drop(plant: Plant, rng: np.random.Generator, n: int) -> State:
@@ -37,6 +42,20 @@ def random_drop(plant: Plant, rng: np.random.Generator, n: int) -> State:
     lowest = (plant.observe(turned).points[..., 2] - radii).min(axis=1)
     pose[..., 2] += (rng.uniform(*HEIGHT, n) * robot.length - lowest)[:, None]
     return above_ground(plant, State(pose.reshape(n, -1), rest.qvel, rest.act))
+
+
+def thrown(plant: Plant, rng: np.random.Generator, n: int) -> State:
+    """Dropped robots (n,) that fly and turn as a whole, with random velocities.
+
+    Arguments and errors as of `random_drop`.
+    """
+    state, robot = random_drop(plant, rng, n), plant.robot
+    poses, _ = _turned(robot, state, Rotation.identity(n))
+    flight = rng.normal(scale=FLIGHT * np.sqrt(GRAVITY * robot.length), size=(n, 1, 3))
+    spin = rng.normal(scale=SPIN * np.sqrt(GRAVITY / robot.length), size=(n, 1, 3))
+    linear = flight + np.cross(spin, poses[..., :3])  # relative to the centres of mass
+    velocity = np.concatenate([linear, rotate(conjugate(poses[..., 3:]), spin)], axis=-1)
+    return State(state.qpos, velocity.reshape(n, -1), state.act)
 
 
 def above_ground(plant: Plant, state: State) -> State:

@@ -177,7 +177,7 @@ def _pool(
 @contextmanager
 def _tracking(
     config: RunConfig, files: RunFolder, robot: Robot, tracked: bool, progress: Progress
-) -> Iterator[Tracker | None]:
+) -> Iterator[Tracker[RunResult] | None]:
     """A tracker; at the end of the block the outcome is published, which may take some time."""
     if not tracked:
         yield None

@@ -92,5 +92,5 @@ def test_the_smoke_configuration_runs_by_its_name(environment: Path) -> None:
     printed = call(flywheel, "run", "smoke", *small, folder=environment)
     assert "i0000-mppi" in printed
     assert (environment / "runs" / "smoke" / "result.json").exists()
-    call(flywheel, "config", "copy", "paper/gaits", "own.yaml", folder=environment)
-    assert "extends: prism3" in (environment / "own.yaml").read_text()
+    call(flywheel, "config", "copy", "paper/prism3", "own.yaml", folder=environment)
+    assert "extends: [prism3, paper/training]" in (environment / "own.yaml").read_text()

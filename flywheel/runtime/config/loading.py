@@ -33,6 +33,7 @@ def read_config(
     overrides: Sequence[str] = (),
     beside: Iterable[str] = (),
     only_beside: bool = False,
+    over: Iterable[Path] = (),
 ) -> M:
     """Read a YAML file, apply the overrides, and validate.
 
@@ -46,12 +47,16 @@ def read_config(
       overrides: "a.b=value", the value in YAML; later ones win.
       beside: keys whose values are files, or lists of files, named relative to the file that they stand in.
       only_beside: refuse such a file that is in another folder.
+      over: further files, whose values win over those of the first.
 
     Raises:
       ConfigError: no such file, not YAML, an unknown key or a wrong value; the message lists the
         problems with their paths, the values and the allowed values.
     """
-    values = _with_parents(Path(path), {}, (), Beside(tuple(beside), only_beside))
+    files = Beside(tuple(beside), only_beside)
+    values: dict[Any, Any] = {}
+    for file in (Path(path), *over):
+        values = merged(values, _with_parents(file, {}, (), files))
     defaults = schema.model_construct().model_dump(mode="json")
     changed = overridden(values, overrides, defaults)
     plain = resolved(changed, f"The configuration {path}")

@@ -72,7 +72,7 @@ class Run:
     robot: Robot
     store: TrajectoryStore
     pool: WorkerPool
-    tracker: Tracker | None
+    tracker: Tracker[RunResult] | None
     progress: Progress
     _shared: dict[str, Any] = field(default_factory=dict)
 

@@ -10,14 +10,14 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Callable
-from typing import Annotated, Literal
+from typing import Annotated, Generic, Literal, TypeVar
 
 from flywheel.errors import FlywheelError
 from flywheel.quantities import Bounds, Name, Place, WaitingSeconds
-from flywheel.results import RunResult
 from flywheel.validation import Frozen
 
 log = logging.getLogger(__name__)
+Result = TypeVar("Result")
 
 Status = Literal["RUNNING", "FINISHED", "FAILED", "KILLED"]
 
@@ -41,7 +41,7 @@ class TrackingConfig(Frozen):
     close_seconds: WaitingSeconds = 60.0
 
 
-class Tracker:
+class Tracker(Generic[Result]):
     """Publishes the newest state of a run from a separate thread. No call waits for MLflow.
 
     Args:
@@ -55,20 +55,20 @@ class Tracker:
 
     def __init__(
         self,
-        publish: Callable[[RunResult, Status], None],
+        publish: Callable[[Result, Status], None],
         retry_seconds: tuple[float, float] = (1.0, 60.0),
     ) -> None:
         self.problem = ""
         self._publish, self._pauses = publish, retry_seconds
         self._stuck = False  # until someone does something about the problem
         self._stopping = False
-        self._latest: RunResult | None = None
-        self._waiting: tuple[RunResult, Status] | None = None
+        self._latest: Result | None = None
+        self._waiting: tuple[Result, Status] | None = None
         self._changed = threading.Condition()
         self._thread = threading.Thread(target=self._work, name="tracker", daemon=True)
         self._thread.start()
 
-    def show(self, result: RunResult, status: Status = "RUNNING") -> None:
+    def show(self, result: Result, status: Status = "RUNNING") -> None:
         """Publish the run so far, in place of any earlier state of it."""
         with self._changed:
             self._latest, self._waiting = result, (result, status)
@@ -111,7 +111,7 @@ class Tracker:
                 pause = self._pauses[0]
                 self._delivered(state)
 
-    def _next(self) -> tuple[RunResult, Status] | None:
+    def _next(self) -> tuple[Result, Status] | None:
         """The state to publish, once there is one; None at the end."""
         with self._changed:
             self._changed.wait_for(lambda: self._stopping or self._waiting is not None)
@@ -125,7 +125,7 @@ class Tracker:
             self.problem, self._stuck = text, isinstance(error, FlywheelError)
             self._changed.notify_all()
 
-    def _delivered(self, state: tuple[RunResult, Status]) -> None:
+    def _delivered(self, state: tuple[Result, Status]) -> None:
         if self.problem:
             log.info("tracking: delivering again")
         with self._changed:

@@ -33,7 +33,7 @@ class EpisodePlan:
 
     Attributes:
       id: of the episode ("i0001-mppi-collect-0003").
-      controller: "gait:roll", "random", "drop", "mppi" or "oracle".
+      controller: "gait:roll", "random", "drop", "throw", "mppi" or "oracle".
       iteration: of the episode; -1 for the oracle's.
       split: fixed here, before anything is known about the episode.
       seconds: longest duration [s].

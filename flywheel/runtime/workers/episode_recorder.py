@@ -17,6 +17,7 @@ from flywheel.control import (
     random_drop,
     record_episode,
     standing,
+    thrown,
 )
 from flywheel.control.drive import Drive, drive, without_gaps
 from flywheel.control.gaits import Gait
@@ -114,7 +115,7 @@ class _Recorder:
             return Gait(self.robot, gait, dt, variation=self.config.collect.gait_variation)
         if kind == "random":
             return RandomControls(self.robot, dt)
-        if kind == "drop":
+        if kind in ("drop", "throw"):
             return Hold(self.robot, dt)
         assert dynamics is not None, "MPPI plans with a model"
         search = self.config.mppi
@@ -270,6 +271,8 @@ class EpisodeRecorder(_Recorder):
 
     def _start(self, plan: EpisodePlan, plant: Plant, task: Task | None) -> State:
         kind, _, _ = plan.controller.partition(":")
+        if kind == "throw":
+            return thrown(plant, np.random.default_rng(plan.seed), 1)
         if kind in ("drop", "gait"):
             dropped = random_drop(plant, np.random.default_rng(plan.seed), 1)
             return dropped if kind == "drop" else plant.settle(SETTLE_SECONDS, start=dropped)

@@ -64,15 +64,15 @@ def test_an_unknown_name_is_bad_input_and_the_nearest_is_said(words: str) -> Non
 
 
 def test_a_copy_is_put_where_it_is_wanted_and_never_over_a_file(elsewhere: Path) -> None:
-    ask("config", "copy", "paper/gaits")
+    ask("config", "copy", "paper/training")
     (elsewhere / "there").mkdir()
     ask("config", "copy", "smoke", "there")
     ask("config", "copy", "smoke", "new/own.yaml")
-    for file in ("gaits.yaml", "there/smoke.yaml", "new/own.yaml"):
+    for file in ("training.yaml", "there/smoke.yaml", "new/own.yaml"):
         assert (elsewhere / file).exists()
-    (elsewhere / "gaits.yaml").write_text("kept")
-    assert "not overwritten" in ask("config", "copy", "paper/gaits", code=2)
-    assert (elsewhere / "gaits.yaml").read_text() == "kept"
+    (elsewhere / "training.yaml").write_text("kept")
+    assert "not overwritten" in ask("config", "copy", "paper/training", code=2)
+    assert (elsewhere / "training.yaml").read_text() == "kept"
 
 
 def test_what_ends_in_yaml_is_a_file() -> None:

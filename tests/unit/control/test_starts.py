@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from flywheel.control import above_ground, random_drop, standing
+from flywheel.control import above_ground, random_drop, standing, thrown
 from flywheel.control.starts import HEIGHT
 from flywheel.dynamics.plant import Plant
 from flywheel.errors import RobotError
@@ -128,3 +128,20 @@ def test_a_robot_with_other_joints_than_free_ones_is_not_carried(plant, lying):
     jointed = Plant(replace(plant.robot, free=False))
     with pytest.raises(RobotError, match="cannot be dropped or carried: it has joints"):
         standing(jointed, lying, PLACE, TURN)
+
+
+def test_a_thrown_robot_flies_and_turns_as_a_whole(robot: Robot) -> None:
+    plant, dt = Plant(robot), 1e-6
+    start = thrown(plant, np.random.default_rng(2), 2)
+    assert np.array_equal(start.qpos, random_drop(plant, np.random.default_rng(2), 2).qpos)
+    pose = start.qpos.reshape(2, -1, 7).copy()
+    speed = start.qvel.reshape(2, -1, 6)
+    turn = Rotation.from_rotvec(dt * speed[..., 3:].reshape(-1, 3))  # about the body's own axes
+    now = Rotation.from_quat(pose[..., 3:].reshape(-1, 4), scalar_first=True)
+    pose[..., :3] += dt * speed[..., :3]
+    pose[..., 3:] = (now * turn).as_quat(scalar_first=True).reshape(pose[..., 3:].shape)
+    moved = replace(start, qpos=pose.reshape(2, -1))
+    before, after = (plant.observe(state).points for state in (start, moved))
+    apart = [np.linalg.norm(p[:, :, None] - p[:, None], axis=-1) for p in (before, after)]
+    assert np.abs(after - before).max() > 1e-7
+    assert np.allclose(*apart, rtol=0.0, atol=1e-10)

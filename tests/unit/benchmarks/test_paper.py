@@ -1,0 +1,157 @@
+"""Tables of models: the protocol, nothing tested in training, cells that are made once."""
+
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.paper.datasets import RATES, DataSets
+from benchmarks.paper.definition import SIZES, TABLES, read_table, table_names
+from benchmarks.paper.rows import CellRow, page, spread
+from benchmarks.paper.table import Table, publisher
+from flywheel.errors import ConfigError, DataError, FlywheelError
+from flywheel.runtime.pool.pool import WorkerPool
+from tests.unit.runtime.local_backend import LocalBackend
+
+TINY = f"""
+extends: {TABLES}/shared/real.yaml
+name: tiny
+robots: {{prism3: ["gait:roll"]}}
+methods:
+  arx: {{model: arx, fit: {{}}}}
+  network: {{simulations: 1, published: {{prism3: ["49", "27", "4.0", "7.0"]}}}}
+  mjcf_restarted: {{model: informed_floor}}
+"""
+SHORT = ["repetitions=3", "seconds=[1.6, 1.6]"]
+
+
+@pytest.mark.parametrize("size", ["", *SIZES])
+@pytest.mark.parametrize("name", table_names())
+def test_a_table_can_be_read_at_every_size(name: str, size: str) -> None:
+    config = read_table(name, size)
+    cells = config.cells()
+    assert len({cell.name for cell in cells}) == len(cells) >= len(config.methods)
+    assert (config.seconds == (3.0, 4.0)) == (size == "smoke")
+    network = config.config("prism3", next(iter(config.methods.values()))).network
+    assert (network.decomposition == "primitives") == (size == "paper")
+
+
+def test_a_data_set_has_nine_trajectories_of_which_three_are_tested(tmp_path: Path) -> None:
+    for robot in ("prism3", "icosa6"):
+        plans = DataSets(read_table("sim2sim"), robot, tmp_path).plans
+        assert len(plans) == len({plan.id for plan in plans}) == len({p.seed for p in plans}) == 54
+        assert all(30.0 <= plan.seconds <= 60.0 for plan in plans)
+        for dataset in range(6):
+            own = [plan for plan in plans if plan.dataset == dataset]
+            assert Counter(p.split for p in own) == {"train": 5, "validation": 1, "test": 3}
+            assert len({plan.controller for plan in own if plan.split == "test"}) == 3
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("methods.arx.model=arcs", "arcs"),
+        ("methods.persistence.exact=true", "exact is for floor and informed_floor"),
+        ("methods.network.simulations=3", "simulations: at most 0 here"),
+        ("robots.prism3=[walk]", "unknown controllers"),
+        ("tested=3", "leave none to learn from"),
+        ("run.network.chunk=17", "chunk"),
+    ],
+)
+def test_a_table_that_cannot_be_made_is_refused(override: str, message: str) -> None:
+    with pytest.raises(FlywheelError, match=message):
+        read_table("sim2sim", "smoke", [override])
+
+
+def test_a_tested_trajectory_is_not_trained_on_under_another_name(tmp_path: Path) -> None:
+    data = DataSets(read_table("components", "smoke", ["seconds=[0.6, 0.6]"]), "prism3", tmp_path)
+    tested = next(plan for plan in data.plans if plan.split == "test")
+    learned = next(plan for plan in data.plans if plan.split == "train")
+    for plan in (tested, learned):
+        data.record(plan)
+    test = data.store.seal("test", [tested.id])
+    data.check_apart(data.store.seal("train", [learned.id]), test)
+    copied = replace(data.store.read(tested.id), id="copy", split="train")
+    data.store.commit("copy", [copied])
+    with pytest.raises(DataError, match=f"{tested.id} is also in the training data, as copy"):
+        data.check_apart(data.store.seal("wrong", [learned.id, "copy"]), test)
+
+    # the MJCF's winches, with the true rates, move as those of the slower plant
+    rates = data.store.read(learned.id + RATES)
+    assert rates.trajectory.states is not None
+    there = data.recorder.plant(0).winch(rates.trajectory.states)
+    known = data.robot.winches_of(rates)
+    assert np.allclose(known, there, atol=1e-9)
+    assert not np.allclose(data.robot.winches_of(data.store.read(learned.id)), there, atol=1e-3)
+
+
+@pytest.mark.slow
+def test_a_table_is_made_once_and_shown(tmp_path: Path) -> None:
+    file = tmp_path / "tiny.yaml"
+    file.write_text(TINY)
+    config = read_table(str(file), "smoke", SHORT)
+    table = Table(config, tmp_path / "results")
+    backend, shown = LocalBackend(), []
+    table.make(WorkerPool(backend, [table.workers], 1), show=lambda rows: shown.append(len(rows)))
+    rows = table.rows()
+    assert [row.method for row in rows] == list(config.methods) and shown == [1, 2, 3, 3]
+    assert all(np.isfinite([row.full_mse, row.short_rot, row.rollout_cpu]).all() for row in rows)
+    assert len({row.test for row in rows}) == 1 and len({row.train for row in rows}) == 2
+    learned = {row.method: row.learned for row in rows}
+    assert learned["network"] == pytest.approx(2 * learned["arx"] - 2 * 0.5)
+    assert "(49)" in (table.folder / "table.md").read_text()
+
+    again = LocalBackend()
+    table.make(WorkerPool(again, [table.workers], 1))
+    assert not again.done
+    with pytest.raises(ConfigError, match="arx.s0 with other settings"):
+        Table(read_table(str(file), "smoke", [*SHORT, "fit.windows=17"]), table.folder)
+
+
+ROW = CellRow("prism3", "nominal", "network", 0, 2.95, 60.0, 30.0, "a" * 64, "b" * 64, "c" * 64)
+
+
+def test_diverged_cells_are_counted_and_not_averaged() -> None:
+    rows = [replace(ROW, full_mse=value) for value in (1.0, 2.0)]
+    assert spread(rows, "full_mse") == "1.5 ± 0.71"
+    assert spread([*rows, ROW], "full_mse") == "1.5 ± 0.71, 1 of 3 diverged"
+    assert spread([ROW], "full_mse") == "diverged"
+    text = "\n".join(page(read_table("sim2sim"), [replace(ROW, full_mse=3.0)]))
+    assert "| network | 3 (1.1 ± 0.9) | diverged (14.0 ± 7.8)" in text
+    assert "|  | 1 | 0.0885 |" in text  # mean over xyz, and without the division by L
+
+
+class FakeBoard:
+    """Counts what is published."""
+
+    def __init__(self) -> None:
+        self.runs: list[str] = []
+        self.files: list[str] = []
+
+    def run(self, key, name, tags, parent=None):
+        self.runs.append(key)
+        return key
+
+    def log(self, run, rows):
+        assert all(isinstance(value, float) for _, values in rows for value in values.values())
+
+    def describe(self, run, params):
+        assert params["dataset"] == "nominal"
+
+    def status(self, run, status):
+        pass
+
+    def artifact(self, run, path):
+        self.files.append(path)
+
+
+def test_a_cell_is_published_once() -> None:
+    board = FakeBoard()
+    publish = publisher(board, read_table("sim2sim"))  # type: ignore[arg-type]
+    publish([ROW], "RUNNING")
+    publish([ROW, replace(ROW, method="arx")], "FINISHED")
+    cells = [key.partition("/")[2] for key in board.runs if "/" in key]
+    assert cells == ["prism3.nominal.network.s0", "prism3.nominal.arx.s0"]
+    assert board.files == ["table.csv", "table.md"]
