@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from enum import StrEnum
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
@@ -161,27 +162,60 @@ def show(store: StoreArgument, as_json: AsJson = False) -> None:
 @app.command()
 def export(
     store: StoreArgument,
-    episode: Annotated[str, typer.Argument(metavar="EPISODE")],
-    output: Annotated[Path, typer.Argument(metavar="OUT.csv")],
+    episode: Annotated[
+        str,
+        typer.Argument(metavar="EPISODE", help="Its name; for LeRobot also a pattern: 'i0001-*'."),
+    ],
+    output: Annotated[
+        Path,
+        typer.Argument(
+            metavar="OUT", help="New .csv or .mcap; a name without an ending is a LeRobot data set."
+        ),
+    ],
     robot: RobotOption = None,
 ) -> None:
-    """Write an episode, recorded or simulated, in the CSV format of a robot's log.
+    """Write an episode, recorded or simulated, as CSV or MCAP, or several as a LeRobot data set.
 
-    [bold]Example[/bold]
+    [bold]Examples[/bold]
 
     flywheel recordings export runs/prism3 i0001-mppi-collect-0000 episode.csv
+
+    flywheel recordings export runs/prism3 'i0001-*' prism3-lerobot
     """
     from flywheel.cli.runs.data import open_store
     from flywheel.data.recordings import write_recording
+    from flywheel.data.recordings.exports import write_lerobot, write_mcap
 
-    owner = _robot(store, robot)
-    found = open_store(store).read(episode)
-    left = write_recording(found, output, owner)
+    owner, opened = _robot(store, robot), open_store(store)
+    if output.suffix:
+        write = write_mcap if output.suffix == ".mcap" else write_recording
+        found = opened.read(episode)
+        left = write(found, output, owner)
+        steps = found.trajectory.steps
+        words = f"{steps + 1} rows, {steps * found.trajectory.dt:g} s."
+    else:
+        names = _matching(opened, episode)
+        frames, left = write_lerobot(map(opened.read, names), output, owner)
+        words = f"{len(names)} episodes, {frames} frames."
     out = console()
-    steps = found.trajectory.steps
-    out.say(f"{output}: {steps + 1} rows, {steps * found.trajectory.dt:g} s.")
+    out.say(f"{output}: {words}")
     if left:
-        out.say(f"A log cannot contain: {', '.join(left)}; the CSV does not have it.")
+        out.say(f"A log cannot contain: {', '.join(left)}; {output} does not have it.")
+
+
+def _matching(store: TrajectoryStore, pattern: str) -> list[str]:
+    """Names of the episodes that match a pattern, those of one split together.
+
+    Raises:
+      DataError: none does.
+    """
+    from flywheel.errors import DataError
+
+    every = [one for segment in store.committed() for one in store.episodes(segment)]
+    found = [one for one in every if fnmatchcase(one.id, pattern)]
+    if not found:
+        raise DataError(f"No episode in {store.url} is named {pattern!r}.")
+    return [one.id for one in sorted(found, key=lambda one: (one.split, one.id))]
 
 
 @dataclass(frozen=True)
