@@ -113,7 +113,7 @@ def open_plant(name: str, dt: float, threads: int = 1, library: Library = BUILT_
 
     Args:
       name: of a shipped robot, or path of an MJCF or an adopted plant.
-      dt: control step [s].
+      dt: control step [s]; the plant's steps are those of its MJCF, or the next shorter ones that divide it.
       threads: of the plant.
       library: of its effects; law files in it are tested on the plant's robot.
 
@@ -122,11 +122,11 @@ def open_plant(name: str, dt: float, threads: int = 1, library: Library = BUILT_
     """
     path = adopted_file(name)
     if path is None:
-        plant = Plant(load_robot(name), dt, threads=threads)
+        plant = Plant(load_robot(name).stepped(dt), dt, threads=threads)
         library.check(plant)
         return plant
     adopted, robot = AdoptedPlant.read(path)
-    plant = Plant(robot, dt, threads=threads)
+    plant = Plant(robot.stepped(dt), dt, threads=threads)
     library.check(plant)
     return with_effects(plant, adopted.terms(robot, library.known))
 

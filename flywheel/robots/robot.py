@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -16,6 +16,8 @@ from flywheel.errors import RobotError
 from flywheel.records import Episode, Floats, State
 from flywheel.robots.parts import Attachment, Body, Cable, TrackedPoint, Winch
 from flywheel.rotations import rotate
+
+ROUNDED = 1e-6  # relative: a step given with six digits is the one that is meant
 
 
 @dataclass(frozen=True)
@@ -171,10 +173,19 @@ class Robot:
         if not 0.0 < near < math.inf:
             return (self.timestep,)
         count = near / self.timestep
-        if round(count) >= 1 and math.isclose(round(count) * self.timestep, near, rel_tol=1e-9):
+        if round(count) >= 1 and math.isclose(round(count) * self.timestep, near, rel_tol=ROUNDED):
             return (near,)
         around = (n * self.timestep for n in (math.floor(count), math.ceil(count)) if n)
         return tuple(sorted(around, key=lambda step: abs(step - near)))
+
+    def stepped(self, dt: float) -> Robot:
+        """The robot with the longest step of MuJoCo that is not longer than its own and divides dt [s].
+
+        Itself if its own does.
+        """
+        if self.control_steps(dt) == (dt,):
+            return self
+        return replace(self, timestep=dt / math.ceil(dt / self.timestep))
 
     @cached_property
     def control_low(self) -> Floats:

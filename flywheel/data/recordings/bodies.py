@@ -36,9 +36,10 @@ def pose_points(sheets: Sheets, body: str, offset: Floats, how: RecordingMap) ->
     if turned.source is not position.source:
         raise DataError(f"the position and the rotation of {body} must be in one table.")
     local = np.array(pose.at) + rotate(np.array(pose.turned), offset)
-    theirs = how.axes.turned(np.eye(3)) @ local / length_of(position.source, how)
+    theirs = how.axes.turned(np.eye(3)) @ local  # [m]
     quaternion = _quaternions(turned.values, pose, turned.source, body)
-    return Found(position.source, position.values + rotate(quaternion, theirs))
+    apart = rotate(quaternion, theirs) / length_of(position.source, how)
+    return Found(position.source, position.values + apart)
 
 
 def _quaternions(values: Floats, pose: PoseSource, source: Source, body: str) -> Floats:

@@ -116,8 +116,11 @@ def pick(
         for name in columns.ignored
     ]
 
+    def raw(names: list[str]) -> Floats:
+        return table.columns([theirs[name] for name in names])
+
     def values(names: list[str], unit: str) -> Floats:
-        found = table.columns([theirs[name] for name in names])
+        found = raw(names)
         found *= how.units.factor(unit)
         return found
 
@@ -127,8 +130,10 @@ def pick(
             time = values([TIME], "time")[:, 0]
         else:
             time = cast("float", how.dt) * np.arange(rows)
-        points = values([name for name in point_names(robot) if name in theirs], "points")
-        points = how.axes.turned(points.reshape(rows, points.shape[1] // 3, 3))
+        points = raw([name for name in point_names(robot) if name in theirs])
+        points = points.reshape(rows, points.shape[1] // 3, 3)
+        points *= how.units.metres
+        points = how.axes.turned(points)
         points += how.origin
         winch = np.full((rows, len(robot.winches)), np.nan)
         for name, index in winch_names(robot).items():

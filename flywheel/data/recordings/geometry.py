@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flywheel.data.recordings.columns import Log, control_names, winch_names
+from flywheel.data.recordings.mapping import Axes
 from flywheel.data.recordings.pieces import distance
 from flywheel.data.recordings.report import Finding, counted, listed
 from flywheel.data.recordings.sources import LENGTHS
@@ -16,7 +17,8 @@ from flywheel.records import Floats
 from flywheel.robots import Robot
 
 SAME = 0.05  # relative: distances on a body agree with the MJCF's
-UNIT = 0.1  # relative: a ratio agrees with that of two units
+ROWS = 10_000  # of a log, whose distances tell its units
+MOST = 0.5  # share of the distances; the others may be of exchanged markers
 BELOW = 0.05  # depth below the ground that is too far, in L
 OFTEN = 0.1  # share of the samples
 SLACK = 1e-6  # share of a range: rounding in the log
@@ -70,28 +72,43 @@ def usual_distances(points: Floats, rods: list[Pair]) -> Floats:
     return np.array([median(distances(points, [rod])[:, 0]) for rod in rods])
 
 
-def check_units(points: Floats, robot: Robot) -> None:
-    """Raise DataError if all distances are off by the ratio of two units."""
+def check_units(points: Floats, robot: Robot, axes: Axes) -> None:
+    """Raise DataError if distances would be right in another unit, of all axes of the log or of some."""
     rods = pairs(robot)
-    ratio = usual_distances(points, rods) / [rod.distance for rod in rods]
-    ratio = ratio[np.isfinite(ratio)]
-    if len(ratio) == 0:
+    some = points[:: max(1, len(points) // ROWS)]
+    usual = usual_distances(some, rods)
+    if not np.isfinite(usual).any() or _right(usual, rods) > MOST:
         return
-    middle = float(np.median(ratio))
-    for unit, metres in LENGTHS.items():
-        for factor, hint in ((metres, f"units: {{points: {unit}}}"), (1 / metres, "")):
-            if factor != 1 and abs(middle * factor - 1) < UNIT:
-                rod = max(rods, key=lambda r: r.distance)
-                names = f"{robot.points[rod.a].name} and {robot.points[rod.b].name}"
-                cure = (
-                    f"the points seem to be in {unit}: write {hint} in the map"
-                    if hint
-                    else f"the map's units.points seems to be {unit} for a log in m: write m"
-                )
+    rod = max((r for r, got in zip(rods, usual, strict=True) if got > 0), key=lambda r: r.distance)
+    names = f"{robot.points[rod.a].name} and {robot.points[rod.b].name}"
+    got = (
+        f"{names} are {usual[rods.index(rod)]:.4g} m apart, the MJCF says {rod.distance:.4g} m, and "
+        "distances between markers of one body would be right"
+    )
+    ours = np.array([str(axis)[-1] for axis in (axes.x, axes.y, axes.z)])
+    for letters in ("xyz", "x", "y", "z", "xy", "xz", "yz"):
+        scaled = np.isin(ours, list(letters))
+        what = "the points" if letters == "xyz" else f"their {' and '.join(letters)}"
+        for unit, metres in LENGTHS.items():
+            if unit == "m":
+                continue
+            if _right(usual_distances(some * np.where(scaled, metres, 1), rods), rods) > MOST:
+                each = unit if letters == "xyz" else [unit if a in letters else "m" for a in "xyz"]
+                words = str(each).replace("'", "")
                 raise DataError(
-                    f"{names} are {middle * rod.distance:.4g} m apart, the MJCF says "
-                    f"{rod.distance:.4g} m, and all others are off alike ({middle:.4g} times); {cure}."
+                    f"{got} if {what} were in {unit}: write units: {{points: {words}}} in the map."
                 )
+            if letters == "xyz" and _right(usual / metres, rods) > MOST:
+                raise DataError(
+                    f"{got} in m: the map's units.points seems to be {unit} for a log in m: write m."
+                )
+
+
+def _right(usual: Floats, rods: list[Pair]) -> float:
+    """Share of the measured distances (rods,) that agree with the MJCF's."""
+    known = np.isfinite(usual)
+    ratio = usual[known] / np.array([rod.distance for rod in rods])[known]
+    return float((np.abs(ratio - 1) <= SAME).mean())
 
 
 def check_robot(points: Floats, robot: Robot) -> None:

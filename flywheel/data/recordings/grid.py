@@ -133,11 +133,13 @@ def _check_regular(
     got = int((chosen >= 0).sum())
     hoped = min(len(chosen), len(log.time))
     if len(chosen) < 2 or got < LEAST_ON_GRID * hoped:
-        spread = np.percentile(np.diff(log.time), [5, 95])
+        between = np.diff(log.time)
+        spread = np.percentile(between, [5, 95])
+        exact = between[np.abs(between - period) < CLOSE * period].mean()  # stamps are rounded
         raise DataError(
             f"irregular time stamps: only {got} of {hoped} samples lie within {jitter:g} of a step of "
             f"the grid of {dt:g} s. Rows are {spread[0]:.4g} to {spread[1]:.4g} s apart (5 to 95 %), "
-            f"usually {period:.4g} s. Give a dt that divides the log's ({period:.4g} s), or a larger "
+            f"usually {period:.4g} s. Give a step that fits (--dt {exact:.9g}), or a larger "
             "jitter in the map (below 0.5)."
         )
 

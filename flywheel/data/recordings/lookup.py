@@ -198,8 +198,8 @@ class Sheets:
                         raise DataError(f"{each.name}: {error}") from None
 
 
-def length_of(source: Source, how: RecordingMap) -> float:
-    """Metres per unit of the positions in a source: by the map, else by the file.
+def length_of(source: Source, how: RecordingMap) -> Floats:
+    """(3,) metres per unit of x, y and z in a source: by the map, else by the file.
 
     Raises:
       DataError: neither says it, though such a file should.
@@ -212,8 +212,8 @@ def length_of(source: Source, how: RecordingMap) -> float:
                 "cm, in, ft) in the map."
             )
         if stream.length is not None:
-            return factor_of(stream.length, "the file's unit", None)
-    return how.units.factor("points")
+            return np.full(3, factor_of(stream.length, "the file's unit", None))
+    return how.units.metres
 
 
 def _own(source: Source, names: Sequence[str]) -> list[str] | None:

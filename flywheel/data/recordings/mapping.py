@@ -82,7 +82,7 @@ class Units(Frozen):
 
     Attributes:
       time: "s", "ms", "us", "ns", "min" or "h".
-      points: "m", "cm", "mm", "in" or "ft".
+      points: "m", "cm", "mm", "in" or "ft"; or three, of the log's x, y and z.
       control: a length (for position winches), a length per second (for rate winches), or an angle
         of the drum in "rad" or "deg", or per second; with "-" in front if positive hauls in.
       winch: of measured winch positions: a length, or an angle of the drum.
@@ -92,7 +92,7 @@ class Units(Frozen):
     """
 
     time: TimeUnit = "s"
-    points: Literal["m", "cm", "mm", "in", "ft"] = "m"
+    points: str | tuple[str, str, str] = "m"
     control: str = "m/s"
     winch: str = "m"
     tension: str = "N"
@@ -102,15 +102,30 @@ class Units(Frozen):
     def _are_known(self) -> Self:
         for name in ("control", "winch", "tension"):
             self.factor(name)
+        units = ", ".join(LENGTHS)
+        for unit in self._of_points:
+            if unit not in LENGTHS:
+                raise ValueError(
+                    f"units.points is one of {units}, or three of them; got {shown(unit)}"
+                )
         return self
 
-    def factor(self, name: Literal["time", "points", "control", "winch", "tension"] | str) -> float:
+    @property
+    def _of_points(self) -> tuple[str, ...]:
+        return (self.points,) * 3 if isinstance(self.points, str) else self.points
+
+    @property
+    def metres(self) -> Floats:
+        """(3,) factors from the log's x, y and z of points to metres."""
+        return np.array([LENGTHS[unit] for unit in self._of_points])
+
+    def factor(self, name: Literal["time", "control", "winch", "tension"] | str) -> float:
         """Factor from a value of the log to s, m, m/s or N."""
         unit: str = getattr(self, name)
         if name == "tension":
             return newtons_of(unit, "units.tension")
-        if name in ("time", "points"):
-            return {**TIMES, **LENGTHS}[unit]
+        if name == "time":
+            return TIMES[unit]
         if name != "control" and unit.endswith("/s"):
             raise ValueError(f"units.{name} is a length or an angle; got {shown(unit)}")
         return factor_of(unit, f"units.{name}", self.drum)

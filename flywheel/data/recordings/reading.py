@@ -103,7 +103,7 @@ def read_recording(
     digest, log, findings, slow = _read(path, robot, how, dt, told, follow)
     rows = len(log.time)
     try:
-        log, period, found = _checked(log, robot, dt, "swaps" in how.repair)
+        log, period, found = _checked(log, robot, dt, how)
         findings += found
         tracks, found = _trajectories(log, robot, period, dt, how.jitter)
         findings += found
@@ -135,9 +135,15 @@ def beside(path: Path) -> RecordingMap:
     Raises:
       ConfigError: it is wrong.
     """
-    if path.suffix in MAPS:
-        format_of(path)  # refuses what runs code
-        how = read_map(path)
+    if path.suffix in MAPS and format_of(path) is TABLE:  # refuses what runs code
+        try:
+            how = read_map(path)
+        except ConfigError as error:
+            raise ConfigError(
+                f"{error}\nA file that ends in {path.suffix} is taken for a map that names the files of a "
+                "recording. If it is a log, rename it to .csv; messages printed as text are not read: export "
+                "them as CSV, or keep the bag."
+            ) from None
         if not how.files:
             raise ConfigError(f"{path} is a map, and no log: it must name the logs under files.")
         return how
@@ -156,9 +162,11 @@ def _read(
     """The digest, the log's raw values, and the time between rows with points if others are between [s]."""
     if not how.assembles and not path.is_dir() and format_of(path) is TABLE:
         with open_table(path, told) as sheet:
-            columns = matched(sheet, robot, how)
-            table = sheet.read(list(columns.theirs.values()), most_rows(robot))
-        return table.digest, *pick(table, columns, robot, how), 0.0
+            if " " not in sheet.header[0] or len(sheet.header) > 1:
+                columns = matched(sheet, robot, how)
+                table = sheet.read(list(columns.theirs.values()), most_rows(robot))
+                return table.digest, *pick(table, columns, robot, how), 0.0
+        # Its columns are separated by blanks.
     entries = how.files or (FileEntry(path=path.name),)
     try:
         found = assemble(path.parent, entries, robot, how, dt, follow)
@@ -184,7 +192,9 @@ def _episodes(
     return tuple(Episode(i, track, origin, split) for i, track in zip(ids, tracks, strict=True))
 
 
-def _checked(log: Log, robot: Robot, dt: float, repair: bool) -> tuple[Log, float, list[Finding]]:
+def _checked(
+    log: Log, robot: Robot, dt: float, how: RecordingMap
+) -> tuple[Log, float, list[Finding]]:
     """The log with doubtful samples masked, and its usual period [s]."""
     check_commanded(log, robot)
     findings = mask_impossible(log, robot)
@@ -194,7 +204,7 @@ def _checked(log: Log, robot: Robot, dt: float, repair: bool) -> tuple[Log, floa
         raise DataError("all rows have one time; a recording needs at least 2.")
     period = usual_period(log, dt)
     findings += mask_repeats(log, robot)
-    check_units(log.points, robot)
+    check_units(log.points, robot, how.axes)
     check_commands(log, robot)
     findings += noisy_commands(log, robot)
     check_winches(log, robot)
@@ -206,7 +216,7 @@ def _checked(log: Log, robot: Robot, dt: float, repair: bool) -> tuple[Log, floa
     evidence = Evidence.of(log, tracked.points, robot)
     findings += check_frame(evidence)
     findings += check_accounts(log, tracked.points, robot, evidence)
-    points, found = judged(tracked, robot, log.time, repair)
+    points, found = judged(tracked, robot, log.time, "swaps" in how.repair)
     _check_kept(log.points, points, findings + found)
     controls = np.clip(log.controls, robot.control_low, robot.control_high)  # rounding only
     return Log(log.time, controls, points, log.winch, log.lines), period, findings + found

@@ -1,6 +1,6 @@
 """A CSV file as columns of numbers, or a message with the faulty line.
 
-It is read line by line: its memory is that of the requested numbers, not of its text.
+It is read piece by piece: its memory is that of the requested numbers, not of its text.
 """
 
 from __future__ import annotations
@@ -16,12 +16,14 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import chain, islice
+from math import inf
 from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
+from pyarrow import csv as arrow_csv
 
 from flywheel.data.recordings.report import listed
 from flywheel.errors import DataError
@@ -35,12 +37,13 @@ LONGEST_NAME = 200  # characters of a column's name
 LONGEST_LINE = 1_000_000  # characters
 MOST_BLANK = 1_000  # lines before the header
 READ_AT_ONCE = 1 << 20  # bytes
-CELLS_AT_ONCE = 5_000  # cells converted to numbers at once
+CHARACTERS_AT_ONCE = 1 << 22  # characters made numbers at once
 # First bytes of packed files.
 PACKED = (b"\x1f\x8b", b"PK\x03\x04", b"BZh", b"\xfd7zXZ", b"\x28\xb5\x2f\xfd")
 UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 
 Told = Callable[[int, int], None]  # bytes read, of how many
+_Rows = tuple[Floats, NDArray[np.int64]]  # (N, columns), and the line of each
 
 
 @dataclass(frozen=True)
@@ -90,19 +93,19 @@ class OpenTable:
     def __init__(self, name: str, file: BinaryIO, told: Told | None) -> None:
         self.file = name
         self._content = _Content(name, file, told)
-        text = io.TextIOWrapper(
+        self._text = io.TextIOWrapper(
             io.BufferedReader(self._content, READ_AT_ONCE),
             encoding="utf-8-sig",
             errors="surrogateescape",  # what is not UTF-8 is refused where it is wanted
             newline="",
         )
-        lines = _lines(name, text)
-        begin = _to_first(lines)
+        begin = _to_first(self._pieces())
         if not begin:
             raise DataError(f"{name} is empty: it has neither a header nor rows.")
         first = begin[-1].lstrip()
-        self._reader = csv.reader(chain(begin, lines), delimiter=max(",;\t", key=first.count))
-        self.header = self._read_header()
+        self._delimiter = max(",;\t", key=first.count)
+        self._line = 0  # lines that were read
+        self.header = self._read_header(begin)
 
     def read(self, names: Sequence[str], most: int) -> Table:
         """Read some of the columns; the content of the others is ignored.
@@ -115,27 +118,18 @@ class OpenTable:
           DataError: there are no rows, one has more or fewer cells than the header, a cell is not a
             number, there are too many lines, or the file changes meanwhile.
         """
-        chosen = [self.header.index(name) for name in names]
-        values, lines, cells = array("d"), array("q"), list[str]()
-        for row in self._rows():
-            if self._reader.line_num > most:
+        values, lines = array("d"), array("q")
+        while block := self._text.read(CHARACTERS_AT_ONCE):
+            block += self._text.readline(LONGEST_LINE + 1)
+            plain = self._plain(block, names)
+            found, rows = self._unusual(block, names) if plain is None else plain
+            values.frombytes(found.tobytes())
+            lines.frombytes(rows.tobytes())
+            if self._line > most:
                 raise DataError(
                     f"{self.file} has more than {most:,} lines, the most that are read of a log of this "
                     "robot. Cut it into several files."
                 )
-            if not any(map(str.strip, row)):
-                continue
-            if len(row) != len(self.header):
-                raise DataError(
-                    f"{self.file}, line {self._reader.line_num} has {len(row)} cells, the header has "
-                    f"{len(self.header)} columns."
-                )
-            cells += [row[index] for index in chosen]
-            lines.append(self._reader.line_num)
-            if len(cells) >= CELLS_AT_ONCE:
-                values.frombytes(self._numbers(cells, names, lines).tobytes())
-                cells.clear()
-        values.frombytes(self._numbers(cells, names, lines).tobytes())
         if len(lines) < 2:
             raise DataError(
                 f"{self.file} has {len(lines)} rows under its header; a recording needs at least 2."
@@ -143,49 +137,93 @@ class OpenTable:
         return Table(
             self._content.digest(),
             tuple(names),
-            np.frombuffer(values).reshape(-1, len(chosen)),
+            np.frombuffer(values).reshape(-1, len(names)),
             np.frombuffer(lines, np.int64),
         )
 
-    def _rows(self) -> Iterator[list[str]]:
+    def _plain(self, block: str, names: Sequence[str]) -> _Rows | None:
+        """Columns of lines of which each is a row; None if there are others, or unusual cells."""
+        count = block.count("\n")
+        returns, quotes = block.count("\r") - block.count("\r\n"), block.count('"')
+        if not block.endswith("\n") or returns or quotes % 2:
+            return None
         try:
-            yield from self._reader
+            table = arrow_csv.read_csv(
+                pa.BufferReader(block.encode("utf-8", "surrogateescape")),
+                arrow_csv.ReadOptions(column_names=self.header, use_threads=False),
+                arrow_csv.ParseOptions(delimiter=self._delimiter),
+                arrow_csv.ConvertOptions(
+                    column_types=dict.fromkeys(names, pa.float64()),
+                    include_columns=names,
+                    null_values=[""],
+                ),
+            )
+        except pa.ArrowInvalid:
+            return None
+        found = np.column_stack([column.to_numpy() for column in table.columns])
+        if len(found) != count or np.isnan(found).all(axis=1).any():
+            return None
+        self._line += count
+        return found, np.arange(self._line - count + 1, self._line + 1)
+
+    def _unusual(self, block: str, names: Sequence[str]) -> _Rows:
+        """Columns of any lines, cell by cell, to the end of the row that the last one is in."""
+        chosen = [self.header.index(name) for name in names]
+        values, lines = array("d"), array("q")
+        begin = io.StringIO(block, newline="").readlines()
+        end = self._line + len(begin)
+        for line, row in self._rows(chain(begin, self._pieces()), end):
+            if not any(map(str.strip, row)):
+                continue
+            if len(row) != len(self.header):
+                raise DataError(
+                    f"{self.file}, line {line} has {len(row)} cells, the header has "
+                    f"{len(self.header)} columns."
+                )
+            values.extend(self._number(row[i], line, self.header[i]) for i in chosen)
+            lines.append(line)
+        return np.array(values), np.array(lines)
+
+    def _pieces(self) -> Iterator[str]:
+        """The next lines, long ones in pieces."""
+        return iter(lambda: self._text.readline(LONGEST_LINE + 1), "")
+
+    def _rows(self, lines: Iterable[str], end: float) -> Iterator[tuple[int, list[str]]]:
+        """Line and cells of each row, to the one that the line `end` is in."""
+        before = self._line
+        reader = csv.reader(_checked(self.file, lines, before), delimiter=self._delimiter)
+        try:
+            for row in reader:
+                self._line = before + reader.line_num
+                yield self._line, row
+                if self._line >= end:
+                    return
         except csv.Error as error:
             raise DataError(
-                f"{self.file}, line {self._reader.line_num}: {error}. Is a quotation mark not closed?"
+                f"{self.file}, line {before + reader.line_num}: {error}. Is a quotation mark not closed?"
             ) from None
 
-    def _read_header(self) -> tuple[str, ...]:
-        for row in islice(self._rows(), MOST_BLANK):
+    def _read_header(self, begin: list[str]) -> tuple[str, ...]:
+        for _, row in islice(self._rows(chain(begin, self._pieces()), inf), MOST_BLANK):
             if any(map(str.strip, row)):
                 header = tuple(name.strip() for name in row)
                 _check_header(self.file, header)
                 return header
         raise DataError(f"{self.file} is empty: it has neither a header nor rows.")
 
-    def _numbers(self, cells: list[str], names: Sequence[str], lines: Sequence[int]) -> Floats:
-        """Numbers of the cells of the last rows of a table.
+    def _number(self, cell: str, line: int, name: str) -> float:
+        """Number of a cell; NaN if it is empty.
 
         Raises:
-          DataError: a cell is not a number; the message gives its line and column.
+          DataError: it is not a number.
         """
         try:
-            text = pa.array([cell or "nan" for cell in cells], pa.string())
-            return np.asarray(text.cast(pa.float64()))
-        except (pa.ArrowInvalid, UnicodeEncodeError):
-            pass  # a way to write numbers that is unusual, or none
-        found, first = [], len(lines) - len(cells) // len(names)
-        for index, cell in enumerate(map(str.strip, cells)):
-            try:
-                found.append(float(cell or "nan"))
-            except ValueError:
-                row, column = divmod(index, len(names))
-                raise DataError(
-                    f"{self.file}, line {lines[first + row]}, column {names[column]!r}: "
-                    f"{shown(cell)} is not a number. A cell that was not measured is empty or "
-                    f"NaN.{_hint(cell)}"
-                ) from None
-        return np.array(found)
+            return float(cell.strip() or "nan")
+        except ValueError:
+            raise DataError(
+                f"{self.file}, line {line}, column {name!r}: {shown(cell.strip())} is not a number. A cell "
+                f"that was not measured is empty or NaN.{_hint(cell)}"
+            ) from None
 
 
 class _Content(io.RawIOBase):
@@ -228,10 +266,8 @@ class _Content(io.RawIOBase):
         return self._sha256.hexdigest()
 
 
-def _lines(file: str, text: io.TextIOBase) -> Iterator[str]:
-    number = 0
-    while line := text.readline(LONGEST_LINE + 1):
-        number += 1
+def _checked(file: str, lines: Iterable[str], before: int) -> Iterator[str]:
+    for number, line in enumerate(lines, before + 1):
         if len(line) > LONGEST_LINE:
             raise DataError(
                 f"{file}, line {number} has more than {LONGEST_LINE:,} characters. Is it a CSV file?"

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from flywheel.cli.models import open_plant
 from flywheel.robots import load_robot
 
 
@@ -63,3 +64,14 @@ def test_platform4_has_every_kind_of_winch() -> None:
     offsets = np.array([p.offset for p in robot.points])
     assert np.linalg.matrix_rank(offsets - offsets.mean(axis=0)) == 2
     assert all(cable.ends[0].body == -1 for cable in robot.cables)
+
+
+@pytest.mark.parametrize(
+    ("dt", "step"), [(1 / 120, 1 / 240), (1 / 30, 1 / 210), (0.004, 0.004), (0.0083333333, 1 / 240)]
+)
+def test_commands_may_come_at_any_rate(dt: float, step: float) -> None:
+    plant = open_plant("platform4", dt)
+    assert plant.robot.timestep == pytest.approx(step, rel=1e-7)
+    states = plant.simulate(plant.rest(), np.zeros((1, 3, len(plant.robot.winches)))).states
+    assert states is not None and np.isfinite(states.qpos).all()
+    assert load_robot("platform4").stepped(0.02).timestep == 0.005

@@ -65,6 +65,12 @@ def millimetres(sheet: Sheet) -> None:
         sheet.put(axis, 1000 * sheet.column(axis))
 
 
+def height_in_millimetres(sheet: Sheet) -> None:
+    for axis in sheet.cells("s"):
+        if axis.endswith(".z"):
+            sheet.put(axis, 1000 * sheet.column(axis))
+
+
 def feet(sheet: Sheet) -> None:
     for axis in sheet.cells("s"):
         sheet.put(axis, sheet.column(axis) / 0.3048)
@@ -151,6 +157,7 @@ REFUSED = [
     (command_infinite, "line 5: the command in 'ctrl.winch_35' is inf"),
     (time_missing, "line 5: the time in 'time' is missing"),
     (millimetres, r"the MJCF says 2.95 m, .* in mm: write units: \{points: mm\}"),
+    (height_in_millimetres, r"if their z were in mm: write units: \{points: \[m, m, mm\]\}"),
     (feet, r"in ft: write units: \{points: ft\}"),
     (centimetres_per_second, r"allowed are -0.645 to 0.645 m/s; .*\{control: cm/s\}"),
     (degrees_of_the_drum, r"degrees for radians of a drum \(units: \{control: deg/s"),

@@ -156,9 +156,9 @@ def test_a_stamp_that_is_far_off_is_masked(sheet: Callable[..., Sheet]) -> None:
 def test_a_map_takes_foreign_names_units_and_axes(sheet: Callable[..., Sheet]) -> None:
     log = sheet("platform4")
     made, robot = log.made, log.robot
-    for point in robot.points:  # millimetres, y up
+    for point in robot.points:  # y up and in cm, the others in mm
         x, y, z = (1000 * log.column(f"{point.name}.{axis}") for axis in "xyz")
-        for axis, values in zip("xyz", (x, z, -y), strict=True):
+        for axis, values in zip("xyz", (x, z / 10, -y), strict=True):
             log.put(f"{point.name}.{axis}", values)
     log.put("time", 1000 * log.column("time"))
     for name in log.cells("position_"):
@@ -173,7 +173,7 @@ def test_a_map_takes_foreign_names_units_and_axes(sheet: Callable[..., Sheet]) -
     )
     path = log.save()
     path.with_suffix(".yaml").write_text(
-        f"columns:\n{lines}\nunits: {{time: ms, points: mm, winch: mm}}\n"
+        f"columns:\n{lines}\nunits: {{time: ms, points: [mm, cm, mm], winch: mm}}\n"
         "axes: {x: x, y: -z, z: y}\nignore: [battery]\nconditions: new cables\n"
     )
     read = read_recording(path, robot)
@@ -184,6 +184,34 @@ def test_a_map_takes_foreign_names_units_and_axes(sheet: Callable[..., Sheet]) -
     assert read.episodes[0].provenance.conditions == "new cables"
     (ignored,) = read.report.findings
     assert (ignored.kind, ignored.action, ignored.subject) == ("column", "left out", "battery")
+
+
+def test_a_log_that_ends_as_a_map_is_not_taken_for_a_broken_map(
+    sheet: Callable[..., Sheet],
+) -> None:
+    log = sheet()
+    path = log.folder / "echo.yaml"
+    path.write_text("header:\n  stamp: 1\nx 5\n")
+    with pytest.raises(ConfigError, match="(?s)is not YAML.*If it is a log, rename it"):
+        read_recording(path, log.robot)
+
+
+def test_columns_may_be_separated_by_blanks(sheet: Callable[..., Sheet]) -> None:
+    log = sheet()
+    path = log.folder / "log.txt"
+    rows = [[cell or "nan" for cell in row] for row in log.rows]
+    path.write_text("\n".join(" ".join(row) for row in (log.header, *rows)) + "\n")
+    read = read_recording(path, log.robot)
+    np.testing.assert_array_equal(read.episodes[0].trajectory.controls, log.made.controls)
+
+
+def test_a_step_that_fits_the_log_is_named_with_its_digits(sheet: Callable[..., Sheet]) -> None:
+    log = sheet()
+    log.put("time", np.round(log.column("time") / 1.2, 6))  # 120 Hz
+    with pytest.raises(DataError, match=r"Give a step that fits \(--dt 0.00833333\d*\)"):
+        read_recording(log.save(), log.robot)
+    read = read_recording(log.save(), log.robot, dt=1 / 120)
+    np.testing.assert_array_equal(read.episodes[0].trajectory.controls, log.made.controls)
 
 
 def test_a_map_gives_dt_where_there_is_no_time(sheet: Callable[..., Sheet]) -> None:
@@ -207,7 +235,10 @@ def test_commands_may_be_angles_of_a_drum(sheet: Callable[..., Sheet]) -> None:
     [
         ("colums: {}", "colums: unknown key. Did you mean 'columns'"),
         ("units: {point: mm}", "units.point: unknown key. Did you mean 'points'"),
-        ("units: {points: km}", "units.points: Input should be 'm', 'cm'"),
+        (
+            "units: {points: [m, m, km]}",
+            "units: units.points is one of m, cm, mm, in, ft, or three of them; got 'km'",
+        ),
         ("units: {control: deg/s}", "is an angle: give units.drum"),
         ("units: {control: knots}", "units.control is one of m, cm"),
         ("axes: {x: y, y: x, z: z}", "without mirroring"),

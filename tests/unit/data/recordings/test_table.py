@@ -1,7 +1,9 @@
 """Any file is either a table of numbers or refused, in the memory of the numbers that are wanted."""
 
+import csv
 import gzip
 import hashlib
+import io
 import os
 import subprocess
 import sys
@@ -59,6 +61,34 @@ def test_numbers_that_are_written_in_an_unusual_way_are_read_too(tmp_path: Path)
     cells = ["0.1", "1e-400", "-0.0", "2.2250738585072011e-308", "1_000", "inf", "9" * 400, "-nan"]
     table = read("a\n" + "\n".join(cells), tmp_path)
     assert table.values.tobytes() == np.array(list(map(float, cells))).tobytes()
+
+
+LINES = [
+    "1,x,2\n",
+    "3,,-4e-3\r\n",
+    "\n",
+    ",,\n",
+    '"5","a\nb", 6\n',
+    '7,"8,",9\n',
+    "nan,a,1_0\n",
+    '1,5",2\n',
+    ",,0\n",
+]
+
+
+@pytest.mark.parametrize("at_once", [1, 7, 40, 10_000])
+def test_pieces_in_which_a_file_is_read_make_no_difference(at_once, tmp_path, monkeypatch):
+    rng = np.random.default_rng(at_once)
+    text = "a,note,b\n" + "".join(rng.choice(LINES, 200))
+    monkeypatch.setattr("flywheel.data.recordings.table.CHARACTERS_AT_ONCE", at_once)
+    table = read(text, tmp_path, "a", "b", most=500)
+    reader, values, lines = csv.reader(io.StringIO(text, newline="")), [], []
+    for row in reader:
+        if any(map(str.strip, row)) and row[0] != "a":
+            values.append([float(row[i] or "nan") for i in (0, 2)])
+            lines.append(reader.line_num)
+    np.testing.assert_array_equal(table.values, values)
+    assert table.lines.tolist() == lines
 
 
 def test_only_the_columns_that_are_wanted_have_to_be_numbers(tmp_path: Path) -> None:
