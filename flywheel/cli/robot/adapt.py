@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -11,21 +12,22 @@ import typer
 
 from flywheel.cli.console import Out, console
 from flywheel.cli.exits import FAILED
+from flywheel.cli.robot.picture import PictureOption, write_picture
 from flywheel.cli.robot.settling import control_step, verdict
 
 if TYPE_CHECKING:
-    from flywheel.robots.adapt import Adapted, Change
+    from flywheel.robots.adapt import Adapted, Change, Options
 
 SETTLED = 0.01  # of the robot's length: a keyframe that is farther from rest is replaced
 
 
 def adapt(
-    mjcf: Annotated[Path, typer.Argument(metavar="MJCF", help="The laboratory's .xml.")],
+    mjcf: Annotated[
+        Path, typer.Argument(metavar="MJCF", help="An .xml; or a structure in .yaml or .json.")
+    ],
     output: Annotated[
         Path | None,
-        typer.Option(
-            "--output", "-o", help="File to write; by default MJCF's name with -robot.xml."
-        ),
+        typer.Option("--output", "-o", help="New file; by default MJCF's name with -robot.xml."),
     ] = None,
     winch: Annotated[
         list[str] | None,
@@ -34,9 +36,18 @@ def adapt(
     winch_kind: Annotated[
         Literal["rate", "position"], typer.Option(help="Control of these winches.")
     ] = "rate",
+    unit: Annotated[
+        Literal["m", "dm", "cm", "mm"] | None,
+        typer.Option(help="Of a structure's lengths; dm of nodes, m of a platform."),
+    ] = None,
+    up: Annotated[
+        Literal["x", "y", "z"] | None,
+        typer.Option(help="A structure's axis that points up; y of nodes, z of a platform."),
+    ] = None,
     without: Annotated[
         list[str] | None, typer.Option(help="Name of an adaptation to leave out.")
     ] = None,
+    picture: PictureOption = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="List the changes only.")] = False,
     yes: Annotated[bool, typer.Option("--yes", help="Take all guesses without asking.")] = False,
 ) -> None:
@@ -49,36 +60,60 @@ def adapt(
 
     flywheel robot adapt lab.xml -o my_robot.xml --winch 'side*'
     """
-    from flywheel.errors import MjcfError
-    from flywheel.outputs import check_outputs, write_output
+    from flywheel.outputs import check_outputs
     from flywheel.robots.adapt import Options
-    from flywheel.robots.adapt import adapt as adapted_from
 
-    out = console()
     place = output or Path(f"{mjcf.stem}-robot.xml")
     if not dry_run:
-        check_outputs({"robot": place}, [mjcf])
-    options = Options(tuple(winch or ()), winch_kind, frozenset(_known(without or [])))
+        check_outputs({"robot": place, "picture": picture}, [mjcf])
+    left_out = frozenset(_known(without or []))
+    options = Options(tuple(winch or ()), winch_kind, unit or "", up or "", left_out)
+    out = console()
+    xml = _adapted(out, mjcf, options, ask=not dry_run and not yes)
+    if xml is None:
+        out.say(f"{mjcf} can be used as it is.", style="green")
+        return
+    xml, usable = _settled(out, xml)
+    if dry_run:
+        out.say("Nothing is written (--dry-run).")
+    else:
+        _write(out, xml, place, picture)
+    if not usable:
+        raise typer.Exit(FAILED)
+
+
+def _adapted(out: Out, mjcf: Path, options: Options, ask: bool) -> str | None:
+    """The adapted MJCF, with its changes shown and, if `ask`, its guesses confirmed; None without changes.
+
+    Raises:
+      Exit: it cannot become a robot, or guesses are not confirmed.
+    """
+    from flywheel.errors import MjcfError
+    from flywheel.robots.adapt import STRUCTURE
+    from flywheel.robots.adapt import adapt as adapted_from
+
     try:
         adapted = adapted_from(mjcf, options)
     except MjcfError as error:
         raise MjcfError(f"{mjcf}: {error}") from None
     _show(out, mjcf, adapted)
-    if not adapted.changes:
-        out.say(f"{mjcf} can be used as it is.", style="green")
-        return
-    if not dry_run and not yes and (declined := _declined(out, adapted)):
-        left_out = options.without | declined
-        adapted = adapted_from(mjcf, Options(options.winches, options.kind, left_out))
+    if ask and (declined := _declined(out, adapted)):
+        if STRUCTURE in declined:
+            out.say("Nothing is written: give --unit and --up.")
+            raise typer.Exit(FAILED)
+        adapted = adapted_from(mjcf, replace(options, without=options.without | declined))
         _refuse_left(out, mjcf, adapted)
-    xml, usable = _settled(out, adapted.xml)
-    if dry_run:
-        out.say("Nothing is written (--dry-run).")
-    else:
-        write_output(place, f"{xml}\n")
-        out.say(f"Written: {place}. See it with: flywheel robot check {place}", style="bold")
-    if not usable:
-        raise typer.Exit(FAILED)
+    return adapted.xml if adapted.changes else None
+
+
+def _write(out: Out, xml: str, place: Path, picture: Path | None) -> None:
+    from flywheel.outputs import write_output
+    from flywheel.robots import read_robot
+
+    write_output(place, f"{xml}\n")
+    if picture is not None:
+        write_picture(out, read_robot(xml), picture)
+    out.say(f"Written: {place}. See it with: flywheel robot check {place}", style="bold")
 
 
 def _known(names: list[str]) -> list[str]:

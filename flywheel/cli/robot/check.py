@@ -15,6 +15,7 @@ from flywheel.cli.console import Out, console, table
 from flywheel.cli.exits import FAILED, USAGE
 from flywheel.cli.robot.adapt import adapt
 from flywheel.cli.robot.log import log
+from flywheel.cli.robot.picture import PictureOption, write_picture
 from flywheel.cli.robot.reveal import reveal
 from flywheel.cli.robot.serve import serve
 from flywheel.cli.robot.settling import DT, control_step, share, verdict
@@ -52,6 +53,7 @@ def check(
             help="Time between commands, in seconds; by default 0.01 or the nearest possible one.",
         ),
     ] = None,
+    picture: PictureOption = None,
 ) -> None:
     """Print the content of an MJCF, test its settling and time steps, and show how to run it.
 
@@ -63,11 +65,15 @@ def check(
     """
     from flywheel.dynamics.plant import Plant, settling
     from flywheel.errors import ModelError
+    from flywheel.outputs import check_outputs
     from flywheel.robots.remarks import remarks
 
     out = console()
+    check_outputs({"picture": picture}, [mjcf])
     found = _loaded(out, mjcf)
     step = control_step(found, dt)
+    if picture is not None:
+        write_picture(out, found, picture)
     _show_robot(out, found)
     _show_graph(out, found)
     plant = Plant(found, step)
@@ -138,12 +144,14 @@ def _is_file(mjcf: str) -> bool:
     """True for a file, False for a shipped robot."""
     from flywheel.errors import UnknownNameError
     from flywheel.robots import ROBOTS
+    from flywheel.robots.adapt.structures import is_structure
 
     if mjcf in ROBOTS:
         return False
     if Path(mjcf).suffix != ".xml":
+        hint = " Structures become MJCFs by flywheel robot adapt." if is_structure(mjcf) else ""
         raise UnknownNameError(
-            f"{mjcf!r} is neither a file ending in .xml nor a shipped robot: {', '.join(ROBOTS)}."
+            f"{mjcf!r} is neither a file ending in .xml nor a shipped robot: {', '.join(ROBOTS)}.{hint}"
         )
     return True
 

@@ -7,7 +7,7 @@ by the one after which it is gone.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -25,6 +25,7 @@ from flywheel.robots.adapt.servos import as_winches, joined
 from flywheel.robots.adapt.springs import beside_winches, pull_only
 from flywheel.robots.adapt.start import fitting, start
 from flywheel.robots.adapt.structure import bent, structural
+from flywheel.robots.adapt.structures import from_structure, is_structure
 from flywheel.robots.adapt.tensions import alone, tensions
 from flywheel.robots.adapt.upright import upright
 from flywheel.robots.problems import problems_of
@@ -53,6 +54,7 @@ OF_ROBOT: dict[str, Callable[[Draft], Iterator[Change]]] = {
     "points": points,
     "start": start,
 }
+STRUCTURE = "structure"  # name of what is made of a file that is no MJCF
 ADAPTATIONS = OF_TEXT | OF_ROBOT
 ENDING = 60  # characters by which a problem is known whose elements have other names, or are fewer
 
@@ -76,17 +78,22 @@ class Adapted:
 
 
 def adapt(path: str | Path, options: Options | None = None) -> Adapted:
-    """Adapt the MJCF of a file, in memory.
+    """Adapt the MJCF of a file, in memory. The cables of a structure that is no MJCF become winches.
 
     Args:
       path: of the file.
       options: requests, and names of what is left out.
 
     Raises:
-      MjcfError: no such file, or not an MJCF.
+      MjcfError: no such file, or neither an MJCF nor a structure.
     """
-    draft = Draft(path, options or Options())
+    options, root, made = options or Options(), None, []
+    if is_structure(path):
+        root, change = from_structure(path, options.unit, options.up)
+        options, made = replace(options, winches=options.winches or ("*",)), [(STRUCTURE, change)]
+    draft = Draft(path, options, root)
     run = _Run(draft)
+    run.changes += made
     run.apply(OF_TEXT)
     if not run.stopped:
         run.apply(OF_ROBOT)

@@ -54,11 +54,15 @@ class Options:
     Attributes:
       winches: patterns (as of file names) of the passive cables that are to become winches.
       kind: of these winches.
+      unit: of a structure's lengths, as "dm"; "" for the usual one of such files.
+      up: a structure's axis that points up, as "y"; "" for the usual one.
       without: names of adaptations that are left out.
     """
 
     winches: tuple[str, ...] = ()
     kind: Literal["rate", "position"] = "rate"
+    unit: str = ""
+    up: str = ""
     without: frozenset[str] = frozenset()
 
 
@@ -68,6 +72,7 @@ class Draft:
     Args:
       path: of its file.
       options: see there.
+      root: its elements; those of the file by default.
 
     Attributes:
       root: its elements, to be edited in place.
@@ -80,8 +85,10 @@ class Draft:
       MjcfError: no such file, or not an MJCF.
     """
 
-    def __init__(self, path: str | Path, options: Options) -> None:
-        self.root: Element = parsed(read_mjcf(path), "The MJCF", comments=True)
+    def __init__(self, path: str | Path, options: Options, root: Element | None = None) -> None:
+        if root is None:
+            root = parsed(read_mjcf(path), "The MJCF", comments=True)
+        self.root = root
         self.folder, self.name = Path(path).resolve().parent, Path(path).stem
         self.options = options
         self.rests: dict[str, float] = {}

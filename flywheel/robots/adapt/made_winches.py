@@ -75,8 +75,8 @@ def made_winches(draft: Draft) -> Iterator[Change]:
         edits.append(f"the winch {winch!r} {numbers}, which starts at {rest:.6g} m")
     keys.write(draft)
     reason = (
-        f"Asked for by --winch: the springs' stiffnesses and damping, from {SHORTEST:.0%} of the cables' "
-        f"lengths to all of them in {DURATION:g} s."
+        f"Winches that --winch names, or of a structure: the springs' stiffnesses and damping, from "
+        f"{SHORTEST:.0%} of the cables' lengths to all of them in {DURATION:g} s."
     )
     yield Change(tuple(edits), reason, Certainty.GUESS)
 
