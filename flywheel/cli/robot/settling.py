@@ -58,9 +58,10 @@ def verdict(robot: Robot, found: Settling) -> tuple[bool, str]:
             f"Its motion grows, {speeds}. Is the timestep too long for the stiffness of cables and "
             "contacts, or their damping too large for it?"
         )
+    swings = "It swings" + (f" every {found.period:.3g} s" if math.isfinite(found.period) else "")
     if math.isinf(found.time_constant):
-        return True, f"It swings without decay ({speeds} within 10 s): episodes begin like this."
+        return True, f"{swings} without decay ({speeds} within 10 s): episodes begin like this."
     return True, (
-        f"It swings, with a time constant of {found.time_constant:.3g} s ({speeds} within 10 s): episodes "
+        f"{swings}, with a time constant of {found.time_constant:.3g} s ({speeds} within 10 s): episodes "
         "begin like this. More damping of cables (biasprm's third number, damping) calms it sooner."
     )

@@ -19,6 +19,7 @@ STILL = 0.02  # robot lengths per second: slower counts as at rest
 LOST = 20.0  # robot lengths from where it began: farther counts as gone
 FOUND = 1e-3  # robot lengths per second: slower is where it rests
 SEARCH = 20.0  # for where it rests [s]
+FINER = 8  # times as many frequencies as there are samples
 PATIENCE = 60.0  # of a clock on the wall, for the simulation of a few seconds [s]
 
 
@@ -35,6 +36,7 @@ class Settling:
       lost: it has flown away.
       still: it lies still after `SETTLING` seconds.
       rest: (1,) rest state; None if none was found.
+      period: of the oscillation that moves its tracked points most [s]; NaN without one.
     """
 
     speed: float
@@ -44,6 +46,7 @@ class Settling:
     lost: bool
     still: bool
     rest: State | None
+    period: float = np.nan
 
     @property
     def grows(self) -> bool:
@@ -69,19 +72,20 @@ def settling(plant: Plant, patience: float = PATIENCE) -> Settling:
     clock = _Clock(plant, patience)
     start, length = plant.rest(), plant.robot.length
     begun = plant.observe(start).points[0]
-    state, speeds = _watched(clock, start, SETTLING)
+    state, speeds, _ = _watched(clock, start, SETTLING)
     speed = early = late = float(speeds[-1])
     moved = _apart(plant, state, begun)
     if (still := speed <= STILL * length) or moved > LOST * length:
         return Settling(speed, early, late, moved, moved > LOST * length, still, state)
     rest = _resting_place(clock, start)
-    state, speeds = _watched(clock, state, WATCHED)
+    state, speeds, first = _watched(clock, state, WATCHED)
     early = float(np.sqrt((speeds**2).mean()))
-    state, speeds = _watched(clock, state, WATCHED)
+    state, speeds, then = _watched(clock, state, WATCHED)
     late = float(np.sqrt((speeds**2).mean()))
     lost = _apart(plant, state, begun) > LOST * length
     moved = _apart(plant, state if rest is None else rest, begun)
-    return Settling(speed, early, late, moved, lost, False, rest)
+    period = _period(np.concatenate([first, then]), plant.dt)
+    return Settling(speed, early, late, moved, lost, False, rest, period)
 
 
 class _Clock:
@@ -91,16 +95,19 @@ class _Clock:
         self.plant = plant
         self._began, self._patience, self._done = time.monotonic(), patience, 0.0
 
-    def go(self, state: State, seconds: float) -> Iterator[tuple[State, Floats]]:
-        """States (1, T + 1), and the speed of the fastest point (T,) between them [m/s], piece by piece."""
+    def go(self, state: State, seconds: float) -> Iterator[tuple[State, Floats, Floats]]:
+        """States (1, T + 1), the speed of the fastest point (T,) between them [m/s], and the points (T, P, 3)
+        after each step, piece by piece.
+        """
         plant = self.plant
         hold = plant.robot.holding(plant.winch(state))[:, None]
         steps, left = max(1, round(PIECE / plant.dt)), max(1, round(seconds / plant.dt))
         while left > 0:
             run = plant.simulate(state, np.repeat(hold, min(steps, left), axis=1))
             assert run.states is not None
-            way = np.linalg.norm(np.diff(run.observations.points[0], axis=0), axis=-1)
-            yield run.states, way.max(axis=1) / plant.dt
+            points = run.observations.points[0]
+            way = np.linalg.norm(np.diff(points, axis=0), axis=-1)
+            yield run.states, way.max(axis=1) / plant.dt, points[1:]
             state, left = run.states[:, -1], left - steps
             self._check(steps * plant.dt)
 
@@ -113,19 +120,36 @@ class _Clock:
             )
 
 
-def _watched(clock: _Clock, state: State, seconds: float) -> tuple[State, Floats]:
-    """State (1,) after some seconds, and the speed of its fastest point (T,) until then [m/s]."""
-    speeds = []
-    for states, piece in clock.go(state, seconds):
+def _watched(clock: _Clock, state: State, seconds: float) -> tuple[State, Floats, Floats]:
+    """State (1,) after some seconds, and until then the speed of its fastest point (T,) [m/s], and its points
+    (T, P, 3).
+    """
+    speeds, places = [], []
+    for states, piece, points in clock.go(state, seconds):
         state = states[:, -1]
         speeds.append(piece)
-    return state, np.concatenate(speeds)
+        places.append(points)
+    return state, np.concatenate(speeds), np.concatenate(places)
+
+
+def _period(points: Floats, dt: float) -> float:
+    """Period of the strongest oscillation of points (T, P, 3) [s]; NaN if three do not fit into the time."""
+    moved = (points - points.mean(axis=0)).reshape(len(points), -1)
+    moved *= np.hanning(len(points))[:, None]
+    size = FINER * len(points)
+    power = (np.abs(np.fft.rfft(moved, size, axis=0)) ** 2).sum(axis=1)
+    least = 3 * FINER
+    best = least + int(power[least:].argmax())
+    if best in (least, len(power) - 1):
+        return np.nan
+    below, here, above = np.log(power[best - 1 : best + 2])
+    return float(size * dt / (best + (below - above) / (below - 2 * here + above) / 2))
 
 
 def _resting_place(clock: _Clock, state: State) -> State | None:
     """Rest state (1,) by kinetic damping: velocities are set to zero where the speed peaks."""
     for _ in range(round(SEARCH / PIECE)):
-        (states, speeds), *_ = clock.go(state, PIECE)
+        (states, speeds, _), *_ = clock.go(state, PIECE)
         fastest = int(speeds.argmax())
         if speeds[fastest] < FOUND * clock.plant.robot.length:
             return states[:, -1]

@@ -52,6 +52,7 @@ def test_a_pendulum_swings_about_where_it_rests() -> None:
     assert found.rest is not None
     assert np.abs(found.rest.qpos[0, :3] - [0, 0, 2]).max() < 1e-3
     assert found.moved == pytest.approx(0.03, abs=2e-3)
+    assert found.period == pytest.approx(2 * np.pi / np.sqrt(9.81), rel=0.005)
 
 
 def test_its_time_constant_is_that_of_its_motion() -> None:
