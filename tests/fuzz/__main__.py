@@ -18,8 +18,9 @@ from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from tests.fuzz.asking import Kind
 from tests.fuzz.judging import RIGHT, Limits, Verdict, judged, source
-from tests.fuzz.kinds import KINDS, Kind
+from tests.fuzz.kinds import KINDS
 
 
 def main() -> int:

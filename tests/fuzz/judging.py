@@ -17,7 +17,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Literal
 
-from tests.fuzz.kinds import Kind, Spoilt
+from tests.fuzz.asking import Kind, Spoilt
 
 Outcome = Literal["accepted", "refused", "traceback", "hang", "crash", "memory", "escape", "wordy"]
 RIGHT = ("accepted", "refused")

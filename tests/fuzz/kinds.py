@@ -10,7 +10,6 @@ import json
 import random
 import shutil
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,72 +17,19 @@ import hypothesis.strategies as st
 import numpy as np
 import yaml
 from hypothesis import HealthCheck, Phase, given, seed, settings
-from typer.testing import CliRunner
 
-from flywheel.cli.main import app
 from flywheel.dynamics.gnn import load_weights
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import AdoptedPlant
-from flywheel.errors import FlywheelError, RobotError
+from flywheel.errors import RobotError
 from flywheel.robots import load_course, load_robot, read_robot
 from flywheel.robots.adapt import Options, adapt
 from flywheel.robots.problems import listed
 from flywheel.runtime.config.run_config import load_config
 from tests.fuzz import mutators, samples
+from tests.fuzz.asking import Kind, Spoilt, command, refusal
+from tests.fuzz.formats import log_formats
 from tests.unit.robots.lab_files import ADAPTABLE
-
-CODES = (1, 2)  # with which a command ends that says what is wrong
-
-
-@dataclass(frozen=True)
-class Spoilt:
-    """An input with something wrong in it.
-
-    Attributes:
-      content: bytes of the file.
-      file: which of the kind's files it takes the place of.
-    """
-
-    content: bytes
-    file: str = ""
-
-
-@dataclass(frozen=True)
-class Kind:
-    """A kind of input.
-
-    Attributes:
-      name: of it.
-      good: inputs with nothing wrong in them.
-      draw: a spoilt one.
-      ask: what became of it, in an empty folder: None if it was taken, else the message.
-    """
-
-    name: str
-    good: tuple[Spoilt, ...]
-    draw: Callable[[random.Random], Spoilt]
-    ask: Callable[[Spoilt, Path], str | None]
-
-
-def command(*words: str) -> str | None:
-    """Run a command of `flywheel`; its message where it refuses."""
-    done = CliRunner().invoke(app, [str(word) for word in words])
-    if done.exception is not None and not isinstance(done.exception, SystemExit):
-        raise done.exception
-    if done.exit_code == 0:
-        return None
-    if done.exit_code not in CODES or "Traceback" in done.output:
-        raise AssertionError(f"exit code {done.exit_code}\n{done.output}")
-    return done.stderr or done.output
-
-
-def refusal(do: Callable[[], object]) -> str | None:
-    """What is said on purpose against something; None if nothing is."""
-    try:
-        do()
-    except FlywheelError as error:
-        return str(error)
-    return None
 
 
 def invented(strategy: st.SearchStrategy[Any], count: int = 300) -> list[Any]:
@@ -392,6 +338,7 @@ def _paths(tree: Any, above: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
 KINDS: dict[str, Callable[[Path], Kind]] = {
     "csv": csv_logs,
     "map": maps,
+    "formats": log_formats,
     "config": configs,
     "overrides": overrides,
     "mjcf": mjcfs,

@@ -12,11 +12,12 @@ from pathlib import Path
 import pytest
 
 from flywheel.errors import DataError
+from tests.fuzz.asking import Kind, Spoilt, command, refusal
 from tests.fuzz.judging import Limits, judged
-from tests.fuzz.kinds import KINDS, Kind, Spoilt, command, refusal
+from tests.fuzz.kinds import KINDS
 
 INPUTS = 8  # of each kind
-SLOW = ("csv", "map", "answer", "run")
+SLOW = ("csv", "map", "formats", "answer", "run")
 NAMES = [pytest.param(n, marks=pytest.mark.slow) if n in SLOW else n for n in KINDS]
 
 

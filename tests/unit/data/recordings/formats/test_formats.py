@@ -13,17 +13,7 @@ from tests.unit.data.recordings.formats.truth import AXES, Truth, made
 
 TIME = np.arange(301) / writers.RATE
 CLOSE = 2e-6  # [m], what the files' digits leave
-MOTORS = "{path: motors.txt, columns: [t, a, b, c, ticks, rear]}"
-COMMANDS = "commands: {winch_fl: a, winch_fr: b, rear: {from: c, unit: m}}\n"
-VECTORS = (
-    "markers: {front: 'M[0]', left: 'M[1]', right: 'M[2]'}\n"
-    "commands: {winch_fl: 'U[0]', winch_fr: 'U[1]', rear: {from: 'U[2]', unit: m}}\n"
-)
-FLAT = VECTORS.replace("M[0]", "M[0:3]").replace("M[1]", "M[3:6]").replace("M[2]", "M[6:9]")
-
-
-def vectors(markers: str, commands: str, text: str = VECTORS) -> str:
-    return text.replace("M[", f"{markers}[").replace("U[", f"{commands}[")
+MOTORS, COMMANDS = writers.MOTORS, writers.COMMANDS
 
 
 @pytest.fixture(scope="session")
@@ -97,38 +87,15 @@ def test_trc(truth: Truth, tmp_path: Path) -> None:
     check(imported(tmp_path / "take.csv", text, truth)[0], truth)
 
 
-@pytest.mark.parametrize(
-    ("kind", "text"),
-    [
-        ("npz", vectors("markers", "u")),
-        ("mat", vectors("log.markers", "log.u") + "files: [{path: log.bin, time: log.t}]\n"),
-        ("hdf5", vectors("one/markers", "one/u") + "files: [{path: log.bin, time: one/t}]\n"),
-        ("mat73", vectors("log.markers", "log.u") + "files: [{path: log.bin, time: log.t}]\n"),
-        ("parquet", "columns: {time: t}\ncommands: {rear: {from: ctrl.rear, unit: m}}\n"),
-        (
-            "lerobot",
-            "files: [{path: log.bin, where: {episode_index: 1}}]\n"
-            "markers: {front: S.front, left: S.left, right: S.right}\n"
-            "commands: {winch_fl: A.winch_fl, winch_fr: A.winch_fr, rear: {from: A.rear, unit: m}}\n",
-        ),
-        ("c3d", f"files: [{{path: log.bin}}, {MOTORS}]\n{COMMANDS}"),
-        ("mcap", vectors("/markers.data", "/motors.data", FLAT)),
-        ("bag1", vectors("/markers.data", "/motors.data", FLAT)),
-        ("bag2", vectors("/markers.data", "/motors.data", FLAT)),
-    ],
-)
-def test_arrays_and_messages(kind: str, text: str, truth: Truth, tmp_path: Path) -> None:
-    needs = {"hdf5": "h5py", "mat73": "h5py", "c3d": "ezc3d", "bag1": "rosbags", "bag2": "rosbags"}
-    pytest.importorskip(needs.get(kind, "mcap" if kind == "mcap" else "numpy"))
-    made_file = tmp_path / ("log.npz" if kind == "npz" else "log.bin")  # savez adds its own
-    if kind == "bag1":
-        made_file = tmp_path / "log.bag"
+@pytest.mark.parametrize("kind", writers.MAPS)
+def test_arrays_and_messages(kind: str, truth: Truth, tmp_path: Path) -> None:
+    if kind in writers.NEEDS:
+        pytest.importorskip(writers.NEEDS[kind])
+    made_file = tmp_path / writers.log_name(kind)
     getattr(writers, kind)(truth, made_file, TIME)
     if kind == "c3d":
         writers.motors(truth, tmp_path / "motors.txt", TIME)
-    if kind == "lerobot":
-        text = text.replace("S.", "observation.state.").replace("A.", "action.")
-    track, _ = imported(made_file, text, truth)
+    track, _ = imported(made_file, writers.MAPS[kind], truth)
     check(track, truth)
 
 

@@ -13,6 +13,51 @@ from tests.unit.data.recordings.formats.truth import Y_UP, Truth
 
 MM = 1000.0
 RATE = 100.0
+NEEDS = {"hdf5": "h5py", "mat73": "h5py", "c3d": "ezc3d", "mcap": "mcap"} | dict.fromkeys(
+    ("bag1", "bag2"), "rosbags"
+)  # packages that are extras
+
+
+def _map(markers: str, commands: str, *names: tuple[str, str, str]) -> str:
+    """A map whose markers and commands are `markers[NAME]` and `commands[NAME]`."""
+    points, told = names[0], names[-1]
+    return (
+        f"markers: {{front: '{markers % points[0]}', left: '{markers % points[1]}', "
+        f"right: '{markers % points[2]}'}}\n"
+        f"commands: {{winch_fl: '{commands % told[0]}', winch_fr: '{commands % told[1]}', "
+        f"rear: {{from: '{commands % told[2]}', unit: m}}}}\n"
+    )
+
+
+_FIRST, _NINE = ("0", "1", "2"), ("0:3", "3:6", "6:9")
+_MESSAGES = _map("/markers.data[%s]", "/motors.data[%s]", _NINE, _FIRST)
+MOTORS = "{path: motors.txt, columns: [t, a, b, c, ticks, rear]}"
+COMMANDS = "commands: {winch_fl: a, winch_fr: b, rear: {from: c, unit: m}}\n"
+MAPS = {
+    "npz": _map("markers[%s]", "u[%s]", _FIRST),
+    "mat": _map("log.markers[%s]", "log.u[%s]", _FIRST) + "files: [{path: log.bin, time: log.t}]\n",
+    "hdf5": _map("one/markers[%s]", "one/u[%s]", _FIRST)
+    + "files: [{path: log.bin, time: one/t}]\n",
+    "mat73": _map("log.markers[%s]", "log.u[%s]", _FIRST)
+    + "files: [{path: log.bin, time: log.t}]\n",
+    "parquet": "columns: {time: t}\ncommands: {rear: {from: ctrl.rear, unit: m}}\n",
+    "lerobot": "files: [{path: log.bin, where: {episode_index: 1}}]\n"
+    + _map(
+        "observation.state.%s",
+        "action.%s",
+        ("front", "left", "right"),
+        ("winch_fl", "winch_fr", "rear"),
+    ),
+    "c3d": f"files: [{{path: log.bin}}, {MOTORS}]\n{COMMANDS}",
+    "mcap": _MESSAGES,
+    "bag1": _MESSAGES,
+    "bag2": _MESSAGES,
+}
+
+
+def log_name(kind: str) -> str:
+    """Name of a file of a format, where its writer wants one."""
+    return {"npz": "log.npz", "bag1": "log.bag"}.get(kind, "log.bin")
 
 
 def cell(value: float, digits: int = 6) -> str:
