@@ -1,7 +1,8 @@
 """Documents keep their form, their links lead somewhere, and their code runs.
 
-`xml`, and `python` whose first line is the name of a file, is saved under that name. Other `python` and
-`bash` blocks run in order in one folder per document. `console` and `text` blocks are only shown.
+`xml`, and `python` and `yaml` whose first line is the name of a file, is saved under that name. Other
+`python` and `bash` blocks run in order in one folder per document. `console` and `text` blocks are only
+shown.
 Commands of flywheel in `bash` run in this process, which has imported everything. A run that is not refused
 has processes of its own, and so a real shell.
 """
@@ -21,7 +22,7 @@ from flywheel.cli.main import app
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = sorted(p for p in (ROOT / "docs").glob("*.md"))
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", flags=re.MULTILINE | re.DOTALL)
-NAMED = re.compile(r"# (\w+\.py)\n")  # a file of Python, in its first line
+NAMED = re.compile(r"# (\w+\.(?:py|yaml))\n")  # a file, in its first line
 # A command, where its output or its errors go, and whether it is refused, with which code; or another line.
 LINE = re.compile(
     r"(?:PYTHONPATH=\. )?flywheel ((?:\$\([^)\n]*\)|[^|<>&;\n])+?)(?: (\| tee|2>) (\S+))?"
@@ -50,7 +51,7 @@ def test_the_code_in_a_document_runs(document, tmp_path, monkeypatch):
     for match in BLOCK.finditer(document.read_text()):
         language, code = match.groups()
         line = document.read_text()[: match.start()].count("\n") + 2
-        if language == "python" and (file := NAMED.match(code)):
+        if language in ("python", "yaml") and (file := NAMED.match(code)):
             Path(file[1]).write_text(code)
         elif language == "xml":
             Path(re.findall(r"<!-- (\S+) -->", code)[0]).write_text(code)

@@ -30,6 +30,7 @@ from tests.fuzz import mutators, samples
 from tests.fuzz.asking import Kind, Spoilt, command, refusal
 from tests.fuzz.formats import log_formats
 from tests.unit.robots.lab_files import ADAPTABLE
+from tests.unit.robots.test_structures import NET, PLATFORM
 
 
 def invented(strategy: st.SearchStrategy[Any], count: int = 300) -> list[Any]:
@@ -183,6 +184,20 @@ def laboratories(work: Path) -> Kind:
 
     written = tuple(Spoilt(text.encode()) for text in good)
     return Kind("laboratory", written, lambda rng: Spoilt(_spoilt_mjcf(good, rng)), ask)
+
+
+def structures(work: Path) -> Kind:
+    """Structures in YAML that are no MJCF, to be adapted."""
+    good = [NET, PLATFORM]
+    trees = [*good, *invented(TREES, 50)]
+
+    def ask(spoilt: Spoilt, inside: Path) -> str | None:
+        (inside / "structure.yaml").write_bytes(spoilt.content)
+        return refusal(lambda: adapt(inside / "structure.yaml"))
+
+    return Kind(
+        "structure", tuple(map(_yaml, good)), lambda rng: Spoilt(_spoilt_yaml(trees, rng)), ask
+    )
 
 
 def courses(work: Path) -> Kind:
@@ -343,6 +358,7 @@ KINDS: dict[str, Callable[[Path], Kind]] = {
     "overrides": overrides,
     "mjcf": mjcfs,
     "laboratory": laboratories,
+    "structure": structures,
     "course": courses,
     "answer": answers,
     "plant": plants,

@@ -21,7 +21,7 @@ from flywheel.outputs import check_folder, printable, write_output
 
 if TYPE_CHECKING:
     from flywheel.data import TrajectoryStore
-    from flywheel.data.recordings import Imported, ImportReport, RecordingMap, Told
+    from flywheel.data.recordings import Aligned, Imported, ImportReport, RecordingMap, Told
     from flywheel.records import Split
     from flywheel.robots import Robot
     from flywheel.runtime.pool.progress import Progress, Stage
@@ -36,6 +36,20 @@ StoreArgument = Annotated[
 ]
 RobotOption = Annotated[
     str | None, typer.Option(help="Your .xml, or a shipped robot's name; by default the run's.")
+]
+
+
+MapOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--map",
+        help="YAML with names, units and axes for all of them; by default the one of the same name "
+        "next to each.",
+    ),
+]
+PlotOption = Annotated[
+    Path | None,
+    typer.Option(help="Output file (.png): cables by winches and by points (align: auto)."),
 ]
 
 
@@ -65,14 +79,8 @@ def import_(
         SplitChoice, typer.Option(help="Split of the episodes, permanently.")
     ] = SplitChoice.auto,
     dt: DtOption = 0.01,
-    map_file: Annotated[
-        Path | None,
-        typer.Option(
-            "--map",
-            help="YAML with names, units and axes for all of them; by default the one of the "
-            "same name next to each.",
-        ),
-    ] = None,
+    map_file: MapOption = None,
+    align_plot: PlotOption = None,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Read and report, but store nothing.")
     ] = False,
@@ -91,7 +99,9 @@ def import_(
     """
     from flywheel.data.recordings import read_map, read_recording
     from flywheel.dynamics.plant import cables_by_winches
+    from flywheel.outputs import check_outputs
 
+    check_outputs({"plot": align_plot}, logs or ())
     owner = _robot(store, robot)
     place = None if dry_run else _store(store)
     how = read_map(map_file) if map_file else None
@@ -105,6 +115,8 @@ def import_(
             )
 
     found = _read_all(_named(logs, map_file, how), read, keep=not dry_run)
+    if align_plot is not None:
+        _write_plot(align_plot, [cable for one in found for cable in one.compared])
     outcomes = [("not stored (dry run)", "") for _ in found]
     if place is not None:
         outcomes = [_stored(place, one, read) for one in found]
@@ -228,12 +240,14 @@ class Read:
       split: of its episodes.
       imported: the episodes, unless they would take too much memory together with those of the
         other logs.
+      compared: cables by which clocks of files were found.
     """
 
     path: Path
     report: ImportReport
     split: Split
     imported: Imported | None
+    compared: tuple[Aligned, ...]
 
 
 def _named(logs: list[Path] | None, map_file: Path | None, how: RecordingMap | None) -> list[Path]:
@@ -252,6 +266,22 @@ def _named(logs: list[Path] | None, map_file: Path | None, how: RecordingMap | N
     if not files or map_file is None:
         raise DataError("Give a log, or a map that names them (--map, files).")
     return [map_file]
+
+
+def _write_plot(path: Path, cables: Sequence[Aligned]) -> None:
+    """Write a picture of the cables by which clocks were found.
+
+    Raises:
+      DataError: there are none.
+    """
+    from flywheel.errors import DataError
+    from flywheel.reports.alignment_figure import alignment_figure
+    from flywheel.reports.pictures import as_file
+
+    content = as_file(lambda: alignment_figure(cables), "png")
+    if content is None:
+        raise DataError("--align-plot shows clocks that were found: no file has align: auto.")
+    write_output(path, content)
 
 
 def _show_imported(
@@ -400,7 +430,8 @@ def _read_all(logs: Sequence[Path], read: Callable[[Path], Imported], keep: bool
             continue
         room -= sum(episode.trajectory.observations.points.size for episode in one.episodes)
         kept = keep and (room >= 0 or len(logs) == 1)
-        found.append(Read(path, one.report, one.episodes[0].split, one if kept else None))
+        imported = one if kept else None
+        found.append(Read(path, one.report, one.episodes[0].split, imported, one.compared))
     if wrong:
         others = f"\nNothing was stored of the {len(logs)} logs." if len(logs) > 1 else ""
         raise DataError("\n".join(wrong) + others)

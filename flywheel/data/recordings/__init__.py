@@ -1,5 +1,6 @@
 """Logs of real robots: CSV files that become episodes, and back."""
 
+from flywheel.data.recordings.alignment import Aligned
 from flywheel.data.recordings.guessing import guess
 from flywheel.data.recordings.mapping import RecordingMap, Units, read_map
 from flywheel.data.recordings.reading import Imported, read_recording
@@ -9,6 +10,7 @@ from flywheel.data.recordings.table import Told
 from flywheel.data.recordings.writing import write_recording
 
 __all__ = [
+    "Aligned",
     "Finding",
     "ImportReport",
     "Imported",

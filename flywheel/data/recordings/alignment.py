@@ -48,6 +48,27 @@ class Mover:
 
 
 @dataclass(frozen=True)
+class Aligned:
+    """A cable after the clocks of two files were aligned, to be looked at.
+
+    Attributes:
+      file: name of the winches' file.
+      cable: name of it.
+      clock: of that file.
+      time, lengths: (N,) by the points' clock [s], and its length between them [m]; NaN where not seen.
+      winch_time, made: (n,) by the points' clock [s], and its length by the winch [m].
+    """
+
+    file: str
+    cable: str
+    clock: Clock
+    time: Floats
+    lengths: Floats
+    winch_time: Floats
+    made: Floats
+
+
+@dataclass(frozen=True)
 class Witness:
     """A cable by its winch, and its length (m,) between the points [m]; NaN where these were not seen."""
 

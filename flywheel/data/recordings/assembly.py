@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from flywheel.data.recordings.alignment import Aligned
 from flywheel.data.recordings.channels import commands_of, points_of, positions_of
 from flywheel.data.recordings.clocks import Follow, clocks_of
 from flywheel.data.recordings.columns import Log
@@ -26,14 +27,16 @@ class Assembled:
     Attributes:
       digest: sha256 of the files' digests; of a single file, its own.
       log: as one table.
-      period: usual time between two rows with points [s].
+      period: usual time between two rows with points if others are between [s].
       findings: about the files.
+      compared: cables by which clocks were found.
     """
 
     digest: str
     log: Log
     period: float
     findings: tuple[Finding, ...]
+    compared: tuple[Aligned, ...] = ()
 
 
 def assemble(
@@ -64,7 +67,7 @@ def assemble(
         for file in sheets.files
         for note in file.notes
     ]
-    clocks, found = clocks_of(entries, sheets, robot, how, follow)
+    clocks, found, compared = clocks_of(entries, sheets, robot, how, follow)
     findings += found
     points, found = points_of(sheets, clocks, robot, how)
     findings += found
@@ -76,7 +79,7 @@ def assemble(
     whole = (
         digests[0] if len(digests) == 1 else hashlib.sha256("".join(digests).encode()).hexdigest()
     )
-    return Assembled(whole, log, period, tuple(findings))
+    return Assembled(whole, log, period, tuple(findings), tuple(compared))
 
 
 def _check_names(robot: Robot, how: RecordingMap) -> None:

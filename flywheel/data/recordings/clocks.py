@@ -6,7 +6,14 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from flywheel.data.recordings.alignment import MOST_SECONDS, SHORTEST, Mover, align
+from flywheel.data.recordings.alignment import (
+    MOST_SECONDS,
+    SHORTEST,
+    Aligned,
+    Mover,
+    align,
+    seen_lengths,
+)
 from flywheel.data.recordings.channels import commands_of, points_of, positions_of
 from flywheel.data.recordings.grid import held
 from flywheel.data.recordings.lookup import Sheets
@@ -32,8 +39,8 @@ def clocks_of(
     robot: Robot,
     how: RecordingMap,
     follow: Follow | None,
-) -> tuple[list[Clock], list[Finding]]:
-    """The clock of each file by the first one's, and findings about those that were found.
+) -> tuple[list[Clock], list[Finding], list[Aligned]]:
+    """The clock of each file by the first one's; of those that were found, findings and the cables compared.
 
     Args:
       entries: of the map.
@@ -48,7 +55,7 @@ def clocks_of(
     clocks = [Clock(entry.offset, entry.pace) for entry in entries]
     wanted = [i for i, entry in enumerate(entries) if entry.align]
     if not wanted:
-        return clocks, []
+        return clocks, [], []
     if robot.tension_driven:
         raise DataError(
             "align: auto compares cables with rest lengths, and this robot's winches take tensions: give "
@@ -64,11 +71,12 @@ def clocks_of(
         raise DataError(
             "align: auto needs all points in the first file, and is of the others: else give offset."
         )
-    findings = []
+    findings, compared = [], list[Aligned]()
     for index in wanted:
-        clocks[index], words = _between(index, sheets, points, robot, how, follow)
+        clocks[index], words, cables = _between(index, sheets, points, robot, how, follow)
         findings.append(Finding("clock", "aligned", sheets.files[index].name, 0, words=words))
-    return clocks, findings
+        compared += cables
+    return clocks, findings, compared
 
 
 def _between(
@@ -78,8 +86,8 @@ def _between(
     robot: Robot,
     how: RecordingMap,
     follow: Follow | None,
-) -> tuple[Clock, str]:
-    """The clock of a file with winches by that of the points, and words about it."""
+) -> tuple[Clock, str, list[Aligned]]:
+    """The clock of a file with winches by that of the points, words about it, and the cables compared."""
     time, positions, moving = _positions(file, sheets, robot, how)
     known = [each for each in points if each is not None]
     stacked = np.stack([each.values for each in known], axis=1)
@@ -92,11 +100,25 @@ def _between(
         found = align(known[0].time, stacked, movers, robot)
         positions[:, moving] -= found.longer  # where the winches began
     sure = "" if follow else " and what the cables take to follow"
-    return found.clock, (
+    lengths, file_name = seen_lengths(stacked, robot), sheets.files[file].name
+    compared = [
+        Aligned(
+            file_name,
+            robot.cables[each.cable].name,
+            found.clock,
+            known[0].time,
+            lengths[:, each.cable],
+            found.clock.offset + found.clock.pace * each.time,
+            each.made - longer,
+        )
+        for each, longer in zip(movers, found.longer, strict=True)
+    ]
+    words = (
         f"its time 0 is {found.clock.offset:.4f} s of {sheets.files[0].name}, its second "
         f"{found.clock.pace:.6f} s, within {1e3 * found.sd:.2g} ms{sure}; {counted(len(moving), 'cable')} "
         f"compared, usually off by {1e3 * found.residual:.3g} mm"
     )
+    return found.clock, words, compared
 
 
 def _followed(robot: Robot, positions: Floats) -> Floats:

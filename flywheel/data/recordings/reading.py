@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from flywheel import __version__
 from flywheel.data.recordings.accounts import check_accounts
-from flywheel.data.recordings.assembly import assemble
+from flywheel.data.recordings.alignment import Aligned
+from flywheel.data.recordings.assembly import Assembled, assemble
 from flywheel.data.recordings.cables import Evidence, check_frame
 from flywheel.data.recordings.clock import stretches, usual_period, without_duplicates
 from flywheel.data.recordings.clocks import Follow
@@ -60,12 +61,14 @@ class Imported:
       report: findings.
       name: of their segment.
       split_given: True if the user chose the split; else the hash of the content did.
+      compared: cables by which clocks of files were found (`align: auto`).
     """
 
     episodes: tuple[Episode, ...]
     report: ImportReport
     name: str
     split_given: bool
+    compared: tuple[Aligned, ...] = ()
 
 
 def read_recording(
@@ -100,7 +103,10 @@ def read_recording(
     CONTROL_STEP.check(dt, "A control step, dt,", DataError)
     path = Path(path)
     how = beside(path) if how is None else how
-    digest, log, findings, slow = _read(path, robot, how, dt, told, follow)
+    read = _read(path, robot, how, dt, told, follow)
+    digest, log, findings = read.digest, read.log, list(read.findings)
+    slow, compared = read.period, read.compared
+    del read  # its log is as large as the next one
     rows = len(log.time)
     try:
         log, period, found = _checked(log, robot, dt, how)
@@ -124,7 +130,7 @@ def read_recording(
         seen=seen,
         findings=tuple(findings),
     )
-    return Imported(episodes, report, name, split is not None)
+    return Imported(episodes, report, name, split is not None, compared)
 
 
 def beside(path: Path) -> RecordingMap:
@@ -158,23 +164,23 @@ def _read(
     dt: float,
     told: Told | None,
     follow: Follow | None,
-) -> tuple[str, Log, list[Finding], float]:
-    """The digest, the log's raw values, and the time between rows with points if others are between [s]."""
+) -> Assembled:
+    """The log's raw values."""
     if not how.assembles and not path.is_dir() and format_of(path) is TABLE:
         with open_table(path, told) as sheet:
             if " " not in sheet.header[0] or len(sheet.header) > 1:
                 columns = matched(sheet, robot, how)
                 table = sheet.read(list(columns.theirs.values()), most_rows(robot))
-                return table.digest, *pick(table, columns, robot, how), 0.0
+                log, findings = pick(table, columns, robot, how)
+                return Assembled(table.digest, log, 0.0, tuple(findings))
         # Its columns are separated by blanks.
     entries = how.files or (FileEntry(path=path.name),)
     try:
-        found = assemble(path.parent, entries, robot, how, dt, follow)
+        return assemble(path.parent, entries, robot, how, dt, follow)
     except DataError as error:
         if len(entries) == 1 and str(error).startswith(printable(path.name)):
             raise
         raise DataError(f"{printable(path.name)}: {error}") from None
-    return found.digest, found.log, list(found.findings), found.period
 
 
 def _episodes(

@@ -17,7 +17,7 @@ from flywheel.errors import MjcfError
 from flywheel.files import read_json, read_yaml
 from flywheel.quantities import Bounds
 from flywheel.records import Floats
-from flywheel.robots.adapt.draft import Certainty, Change, Element, digits
+from flywheel.robots.adapt.draft import Certainty, Change, Element, digits, fresh_name
 from flywheel.robots.adapt.ropes import DAMPING, STRETCH
 from flywheel.robots.world import GRAVITY
 from flywheel.validation import Frozen, validated
@@ -165,6 +165,7 @@ class _Made:
         self.world = self._add(self.root, "worldbody")
         self.tendons = self._add(self.root, "tendon")
         self._edits: list[str] = []
+        self._cables = set[str]()  # their names
 
     def change(self, asked: bool) -> Change:
         """The change that all of it is; a guess unless its unit and its axis were given."""
@@ -285,7 +286,8 @@ class _Made:
     def _cable(
         self, ends: tuple[str, str], apart: Floats, spring: Spring, tension: float, mass: float
     ) -> None:
-        length, name = float(np.linalg.norm(apart)), f"{ends[0]}_{ends[1]}"
+        length = float(np.linalg.norm(apart))
+        name = fresh_name(f"{ends[0]}_{ends[1]}", self._cables)
         stiffness = spring.stiffness or mass * GRAVITY / (STRETCH * max(length, 1e-9))
         damping = spring.damping
         if damping is None:

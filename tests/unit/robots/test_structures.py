@@ -59,6 +59,10 @@ def at_start(xml: str) -> tuple[mujoco.MjModel, mujoco.MjData]:
 def test_nodes_in_decimetres_become_a_robot_with_the_tension_that_was_asked_for(tmp_path):
     result = made(NET, tmp_path)
     assert result.left == ()
+    twice = made(
+        NET | {"pair_groups": NET["pair_groups"] | {"string": STRINGS + STRINGS}}, tmp_path
+    )
+    assert twice.left == () and len(read_robot(twice.xml).winches) == 18
     robot = read_robot(result.xml)
     assert len(robot.bodies) == 3 and len(robot.winches) == 9 and robot.grounded
     model, data = at_start(result.xml)

@@ -9,6 +9,7 @@ from flywheel.data.recordings import Imported, read_map, read_recording
 from flywheel.dynamics.plant import cables_by_winches
 from flywheel.errors import DataError
 from flywheel.records import Floats
+from flywheel.reports.alignment_figure import alignment_figure
 from tests.unit.data.recordings.formats import writers
 from tests.unit.data.recordings.formats.test_formats import COMMANDS, MOTORS
 from tests.unit.data.recordings.formats.truth import Truth, made
@@ -64,6 +65,12 @@ def test_offset_and_pace_are_found(winches: str, files: Path, truth: Truth) -> N
     track = found.episodes[0].trajectory
     time = 2.0 + 0.01 * np.arange(track.steps + 1)
     assert np.nanmax(np.abs(track.observations.points - truth.points(time))) < 1e-4
+    for cable in found.compared:
+        assert cable.file == "motors.txt"
+        made = np.interp(cable.time, cable.winch_time, cable.made, left=np.nan, right=np.nan)
+        assert np.nanmax(np.abs(made - cable.lengths)) < 5e-3 < np.nanstd(cable.lengths)
+    figure = alignment_figure(found.compared)
+    assert figure is not None and len(figure.axes) == len(found.compared) > 0
 
 
 def test_a_short_recording_has_no_pace_of_its_own(files: Path, truth: Truth) -> None:
