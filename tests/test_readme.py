@@ -132,7 +132,8 @@ def test_the_dashboard_of_the_run_is_served(dashboard: tuple[subprocess.Popen, s
 @pytest.mark.parametrize("command", lines_with(".venv/bin/flywheel robot check"))
 @pytest.mark.slow
 def test_a_robot_of_one_s_own_is_checked(command: str, stranger: Stranger) -> None:
-    mjcf = code_blocks((ROOT / "docs" / "robots.md").read_text(), "xml")[0]
+    blocks = code_blocks((ROOT / "docs" / "robots.md").read_text(), "xml")
+    mjcf = next(block for block in blocks if "<mujoco" in block)
     (stranger.folder / "my_robot.xml").write_text(mjcf)
     assert "It settles" in stranger.ask(command)[0]
 
