@@ -60,7 +60,7 @@ def test_the_code_in_a_document_runs(document, tmp_path, monkeypatch):
         elif language == "bash":
             run_bash(code, f"{document.name}:{line}")
         else:
-            assert language in {"console", "text", "yaml", "json"}, f"{document.name}:{line}"
+            assert language in {"console", "text", "yaml", "json", "xml"}, f"{document.name}:{line}"
 
 
 def run_bash(code: str, where: str) -> None:
