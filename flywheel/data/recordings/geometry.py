@@ -202,15 +202,12 @@ def check_commands(log: Log, robot: Robot) -> None:
     rows = np.flatnonzero(beyond[:, column])
     unit = winch.unit
     low, high = winch.control_range
-    hint = ""
-    if not robot.tension_driven:
-        ends = (robot.control_low - slack, robot.control_high + slack)
-        hint = _unit_hint(used, *ends, "control")
+    ends = (robot.control_low - slack, robot.control_high + slack)
     raise DataError(
         f"line {log.lines[rows[0]]}: the command {names[0]!r} is "
         f"{used[rows[0], column]:g} {unit}, allowed are {low:g} to {high:g} {unit}; "
         f"{counted(int(beyond.sum()), 'command')} out of range, of {listed(names)}."
-        f"{hint}"
+        f"{_unit_hint(robot, used, *ends, 'control')}"
     )
 
 
@@ -224,23 +221,22 @@ def check_winches(log: Log, robot: Robot) -> None:
         got = got[np.isfinite(got)]
         beyond = (got < low - margin) | (got > high + margin)
         if beyond.sum() > OFTEN * len(got):
-            hint = ""
-            if not robot.tension_driven:
-                hint = _unit_hint(got[:, None], np.array([low]), np.array([high]), "winch")
+            ends = np.array([low]), np.array([high])
+            hint = _unit_hint(robot, got[:, None], *ends, "winch")
             raise DataError(
                 f"the winch position {name!r} is usually {np.median(got):.4g} {winch.position_unit}; the "
                 f"winch {winch.name!r} goes from {low:g} to {high:g} {winch.position_unit}.{hint}"
             )
 
 
-def _unit_hint(values: Floats, low: Floats, high: Floats, key: str) -> str:
-    """Units that would bring all values into their range."""
+def _unit_hint(robot: Robot, values: Floats, low: Floats, high: Floats, key: str) -> str:
+    """Units of lengths that would bring all values into their range; none for tensions."""
 
     def fits(factor: float) -> bool:
         inside = ((values * factor >= low) & (values * factor <= high)).all()
         return bool(inside and np.abs(values * factor).max() >= FILLED * high.max())
 
-    if ((values < low) | (values > high)).mean() < FEW:
+    if robot.tension_driven or ((values < low) | (values > high)).mean() < FEW:
         return ""  # single commands, not a unit
     per = "/s" if key == "control" and (low < 0).all() else ""
     found = [f"{u}{per}" for u in ("cm", "mm") if fits(LENGTHS[u])]
