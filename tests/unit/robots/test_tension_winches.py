@@ -7,13 +7,15 @@ import numpy as np
 import pytest
 
 from flywheel.data.recordings import read_recording, write_recording
+from flywheel.data.recordings.columns import Log
+from flywheel.data.recordings.geometry import check_commands
 from flywheel.data.recordings.mapping import RecordingMap
 from flywheel.diagnosis import diagnose
 from flywheel.diagnosis.comparison import Subject, compare
 from flywheel.dynamics.gnn import ChunkNetwork, NetworkConfig
 from flywheel.dynamics.plant import EffectivePlant, Plant
 from flywheel.effects import EFFECTS, NAMED, Scales, Term
-from flywheel.errors import RobotError
+from flywheel.errors import DataError, RobotError
 from flywheel.records import Episode, Floats, Observation, Provenance, Trajectory
 from flywheel.robots import Robot, read_robot
 from flywheel.truth_simulator.simulator import TruthSimulator
@@ -171,6 +173,16 @@ def test_a_diagnosis_finds_a_force_constant_that_is_off(robot: Robot):
     found = diagnose(Plant(robot), logs, library=asked)
     assert found.verdict.value == "EFFECT"
     assert found.summary()["ranking"][0]["effect"] == "winch_gain"
+
+
+def test_no_unit_of_lengths_is_offered_for_tensions_out_of_range(robot: Robot):
+    rows, (count, points) = 10, (len(robot.winches), len(robot.points))
+    told = np.full((rows, count), 100.0) * robot.control_high  # in range as centimetres
+    places, winch = np.zeros((rows, points, 3)), np.zeros((rows, count))
+    log = Log(np.arange(rows) / 100, told, places, winch, np.arange(rows))
+    with pytest.raises(DataError, match="allowed are") as refused:
+        check_commands(log, robot)
+    assert "would fit" not in str(refused.value)
 
 
 def test_networks_and_the_truth_simulator_need_rest_lengths(robot: Robot):
