@@ -9,7 +9,7 @@ lengths would be below 0. A motor without a spring is a winch that takes the ten
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import mujoco
@@ -35,142 +35,122 @@ NO_BIAS, AFFINE = int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFF
 
 def tensions(draft: Draft) -> Iterator[Change]:
     """Springs with one motor each, as winches."""
-    before, edits, scales = draft.model, [], {}
-    keys = Keys.of(before)
-    several = [int(before.actuator_trnid[a, 0]) for a, _ in actuators(before)]
-    for actuator, name in actuators(before):
-        tendon = int(before.actuator_trnid[actuator, 0])
-        winch, follows = _Sprung.of(before, actuator, tendon), dynamics(before, actuator)
-        if winch is None or follows is None or several.count(tendon) > 1:
-            continue
-        scale, gear = winch.scale, before.actuator_gear[actuator, 0]
-        attributes = {
-            **follows,
-            "gear": "1",
-            "gainprm": digits(winch.stiffness),
-            "biastype": "affine",
-            "biasprm": digits(
-                0.0, -winch.stiffness, gear**2 * before.actuator_biasprm[actuator, 2]
-            ),
-            "forcelimited": "false",
-            **_limits(before, actuator, tendon, scale),
-        }
-        general(draft, before, actuator, **attributes)
-        cable = draft.named("tendon", before.tendon(tendon).name)
-        cable.attrib |= {"stiffness": "0", "springlength": "0"}
-        scales[name] = scale
-        draft.rests[name] = float(before.tendon_lengthspring[tendon, 1])
-        keys.rescale(name, scale, scale)
-        shown = " ".join(f'{key}="{value}"' for key, value in attributes.items() if key != "gear")
-        edits.append(f"{name!r} {shown}{commands(scale)}")
-    if edits:
-        keys.write(draft)
-        distance = apart(before, draft.model, scales)
-        reason = "A spring that is pulled with another tension is a spring of another rest length."
-        yield Change(tuple(edits), reason, certainty_of(distance), evidence_of(distance))
+    reason = "A spring that is pulled with another tension is a spring of another rest length."
+    yield from _rewritten(draft, _sprung, reason)
 
 
 def alone(draft: Draft) -> Iterator[Change]:
     """Motors on tendons without a spring, as winches that take tensions."""
+    reason = (
+        "A motor without a spring is a winch that takes its tension [N]; a cable does not push."
+    )
+    yield from _rewritten(draft, _alone, reason)
+
+
+class _Winch(NamedTuple):
+    """A motor as a winch.
+
+    Attributes:
+      stiffness: of the winch and the spring that it takes in [N/m]; 0 for one that takes tensions.
+      scale: from the motor's activation or command to the rest length [m] or the tension [N].
+      limits: attributes of its ranges.
+      pushes: True for a motor that can push as well, and a winch that cannot.
+    """
+
+    stiffness: float
+    scale: Scale
+    limits: dict[str, str]
+    pushes: bool = False
+
+
+def _rewritten(
+    draft: Draft, winch_of: Callable[[mujoco.MjModel, int], _Winch | None], reason: str
+) -> Iterator[Change]:
+    """Every motor that is a winch, as one, where its tendon has no other motor."""
     before, edits, scales, pushes = draft.model, [], {}, False
     keys = Keys.of(before)
-    several = [int(before.actuator_trnid[a, 0]) for a, _ in actuators(before)]
-    for actuator, name in actuators(before):
-        scale, follows = _scale_alone(before, actuator), dynamics(before, actuator)
-        one = several.count(int(before.actuator_trnid[actuator, 0])) == 1
-        if scale is None or follows is None or not one:
+    tendons = [int(before.actuator_trnid[a, 0]) for a, _ in actuators(before)]
+    for (actuator, name), tendon in zip(actuators(before), tendons, strict=True):
+        winch, follows = winch_of(before, actuator), dynamics(before, actuator)
+        if winch is None or follows is None or tendons.count(tendon) > 1:
             continue
-        low, high = _pulls(before, actuator, scale)
-        if high <= 0:
-            continue
-        pushes |= low < 0
-        gear = before.actuator_gear[actuator, 0]
+        per_speed = before.actuator_gear[actuator, 0] ** 2 * before.actuator_biasprm[actuator, 2]
         attributes = {
             **follows,
-            "gear": "1",
-            "gainprm": "-1",
+            "gainprm": digits(winch.stiffness or -1.0),
             "biastype": "affine",
-            "biasprm": digits(0.0, 0.0, gear**2 * before.actuator_biasprm[actuator, 2]),
-            "ctrllimited": "true",
-            "ctrlrange": digits(max(low, 0.0), high),
-            "actlimited": "false",
-            "forcelimited": "true",
-            "forcerange": digits(-high, 0.0),
+            "biasprm": digits(0.0, -winch.stiffness, per_speed),
+            **winch.limits,
         }
-        general(draft, before, actuator, **attributes)
-        scales[name] = scale
-        keys.rescale(name, scale, scale)
-        edits.append(f'{name!r} ctrlrange="{attributes["ctrlrange"]}"{commands(scale)}')
+        general(draft, before, actuator, gear="1", **attributes)
+        if winch.stiffness:
+            cable = draft.named("tendon", before.tendon(tendon).name)
+            cable.attrib |= {"stiffness": "0", "springlength": "0"}
+            draft.rests[name] = float(before.tendon_lengthspring[tendon, 1])
+        scales[name] = winch.scale
+        pushes |= winch.pushes
+        keys.rescale(name, winch.scale, winch.scale)
+        shown = " ".join(f'{key}="{value}"' for key, value in attributes.items())
+        edits.append(f"{name!r} {shown}{commands(winch.scale)}")
     if edits:
         keys.write(draft)
         distance = apart(before, draft.model, scales)
-        reason = (
-            "A motor without a spring is a winch that takes its tension [N]; a cable does not push."
-        )
         certainty = Certainty.GUESS if pushes else certainty_of(distance)
         yield Change(tuple(edits), reason, certainty, evidence_of(distance))
 
 
-def _scale_alone(model: mujoco.MjModel, actuator: int) -> Scale | None:
-    """From a motor's activation or command to its tension [N]; None unless it gives one, without a spring."""
+def _alone(model: mujoco.MjModel, actuator: int) -> _Winch | None:
+    """A motor that gives a tension, without a spring; None for others, and for one that never pulls."""
     tendon, kind = int(model.actuator_trnid[actuator, 0]), kind_of(model, actuator)
     constant, per_length, per_speed = map(float, model.actuator_biasprm[actuator, :3])
     affine = int(model.actuator_biastype[actuator]) in (NO_BIAS, AFFINE)
     alone = model.tendon_stiffness[tendon] == 0 and not curved(model, tendon)
     if not (affine and alone) or per_length or per_speed > 0 or kind in ("rate", "tension"):
         return None
-    gear, gain = model.actuator_gear[actuator, 0], model.actuator_gainprm[actuator, 0]
-    return Scale(float(-gear * gain), float(-gear * constant))
+    gear, gain = map(float, (model.actuator_gear[actuator, 0], model.actuator_gainprm[actuator, 0]))
+    scale = Scale(-gear * gain, -gear * constant)
+    low, high = _range(model, actuator, scale, Scale(-gear)) or (-1.0, weight_of(model))
+    if high <= 0:
+        return None
+    limits = {
+        "ctrllimited": "true",
+        "ctrlrange": digits(max(low, 0.0), high),
+        "actlimited": "false",
+        "forcelimited": "true",
+        "forcerange": digits(-high, 0.0),
+    }
+    return _Winch(0.0, scale, limits, low < 0)
 
 
-def _pulls(model: mujoco.MjModel, actuator: int, scale: Scale) -> tuple[float, float]:
-    """Least and largest tension of a motor [N]; up to the robot's weight without limits."""
-    ranges = []
-    if model.actuator_ctrllimited[actuator]:
-        ranges.append(scaled(model.actuator_ctrlrange[actuator], scale))
-    if model.actuator_forcelimited[actuator]:
-        gear = float(model.actuator_gear[actuator, 0])
-        ranges.append(scaled(model.actuator_forcerange[actuator], Scale(-gear)))
-    if not ranges:
-        return -1.0, weight_of(model)
-    return max(low for low, _ in ranges), min(high for _, high in ranges)
-
-
-class _Sprung(NamedTuple):
-    """A motor and its spring as a winch.
-
-    Attributes:
-      stiffness: of both [N/m].
-      scale: from the motor's activation or command to the rest length [m].
-    """
-
-    stiffness: float
-    scale: Scale
-
-    @classmethod
-    def of(cls, model: mujoco.MjModel, actuator: int, tendon: int) -> _Sprung | None:
-        """Such a winch; None for other motors, and for those that are winches by themselves."""
-        low, rest = map(float, model.tendon_lengthspring[tendon])
-        spring, gear = (
-            float(model.tendon_stiffness[tendon]),
-            float(model.actuator_gear[actuator, 0]),
-        )
-        constant, per_length, per_speed = map(float, model.actuator_biasprm[actuator, :3])
-        rates = model.actuator_dyntype[actuator] == mujoco.mjtDyn.mjDYN_INTEGRATOR
-        if (
-            spring <= 0
-            or curved(model, tendon)
-            or low not in (0.0, rest)
-            or per_length > 0
-            or per_speed > 0
-            or rates
-        ):
-            return None
-        if per_length < 0 and not _below_zero(model, actuator):
-            return None
-        stiffness, gain = spring - gear**2 * per_length, float(model.actuator_gainprm[actuator, 0])
-        offset = (spring * rest + gear * constant) / stiffness
-        return cls(stiffness, Scale(gear * gain / stiffness, offset))
+def _sprung(model: mujoco.MjModel, actuator: int) -> _Winch | None:
+    """A motor and its spring; None for other motors, and for those that are winches by themselves."""
+    tendon = int(model.actuator_trnid[actuator, 0])
+    low, rest = map(float, model.tendon_lengthspring[tendon])
+    spring, gear = (
+        float(model.tendon_stiffness[tendon]),
+        float(model.actuator_gear[actuator, 0]),
+    )
+    constant, per_length, per_speed = map(float, model.actuator_biasprm[actuator, :3])
+    rates = model.actuator_dyntype[actuator] == mujoco.mjtDyn.mjDYN_INTEGRATOR
+    if (
+        spring <= 0
+        or curved(model, tendon)
+        or low not in (0.0, rest)
+        or per_length > 0
+        or per_speed > 0
+        or rates
+    ):
+        return None
+    if per_length < 0 and not _below_zero(model, actuator):
+        return None
+    stiffness, gain = spring - gear**2 * per_length, float(model.actuator_gainprm[actuator, 0])
+    offset = (spring * rest + gear * constant) / stiffness
+    scale = Scale(gear * gain / stiffness, offset)
+    told = _range(model, actuator, scale, Scale(gear / spring, rest))
+    limits = {"forcelimited": "false", "ctrllimited": "true" if told else "false"}
+    if told:
+        limits["ctrlrange"] = digits(told[0], max(told))
+    return _Winch(stiffness, scale, limits)
 
 
 def _below_zero(model: mujoco.MjModel, actuator: int) -> bool:
@@ -185,16 +165,15 @@ def _below_zero(model: mujoco.MjModel, actuator: int) -> bool:
     )
 
 
-def _limits(model: mujoco.MjModel, actuator: int, tendon: int, scale: Scale) -> dict[str, str]:
-    """The range of rest lengths, from those of commands and forces."""
-    rest, stiffness = model.tendon_lengthspring[tendon, 1], model.tendon_stiffness[tendon]
+def _range(
+    model: mujoco.MjModel, actuator: int, told: Scale, force: Scale
+) -> tuple[float, float] | None:
+    """What a winch may be told, from a motor's ranges of commands and of forces; None without any."""
     ranges = []
     if model.actuator_ctrllimited[actuator]:
-        ranges.append(scaled(model.actuator_ctrlrange[actuator], scale))
+        ranges.append(scaled(model.actuator_ctrlrange[actuator], told))
     if model.actuator_forcelimited[actuator]:
-        force = Scale(float(model.actuator_gear[actuator, 0] / stiffness), float(rest))
         ranges.append(scaled(model.actuator_forcerange[actuator], force))
     if not ranges:
-        return {"ctrllimited": "false"}
-    low, high = max(low for low, _ in ranges), min(high for _, high in ranges)
-    return {"ctrllimited": "true", "ctrlrange": digits(low, max(low, high))}
+        return None
+    return max(low for low, _ in ranges), min(high for _, high in ranges)
