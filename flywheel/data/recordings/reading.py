@@ -28,6 +28,7 @@ from flywheel.data.recordings.geometry import (
     floating,
 )
 from flywheel.data.recordings.grid import check_steps, most_rows, on_grid
+from flywheel.data.recordings.locked import with_locked
 from flywheel.data.recordings.mapping import RecordingMap, read_map
 from flywheel.data.recordings.markers import judged, track
 from flywheel.data.recordings.naming import named
@@ -216,12 +217,16 @@ def _checked(
     check_winches(log, robot)
     tracked = track(log.points, log.time, robot)
     tracked = named(tracked, Evidence.of(log, tracked.points, robot), robot)
+    log, found = with_locked(log, tracked.points, robot, how)
+    findings += found
     check_robot(tracked.ordered, robot)
     check_up(tracked.ordered, robot)
     findings += floating(tracked.ordered, robot)
     evidence = Evidence.of(log, tracked.points, robot)
     findings += check_frame(evidence)
-    findings += check_accounts(log, tracked.points, robot, evidence)
+    held = {f"ctrl.{name}" for name, channel in how.commands.items() if channel.hold}
+    accounts = check_accounts(log, tracked.points, robot, evidence)
+    findings += [finding for finding in accounts if finding.subject not in held]
     points, found = judged(tracked, robot, log.time, "swaps" in how.repair)
     _check_kept(log.points, points, findings + found)
     controls = np.clip(log.controls, robot.control_low, robot.control_high)  # rounding only
