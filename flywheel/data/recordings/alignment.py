@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import fftconvolve
 
 from flywheel.data.recordings.cables import lengths_between
 from flywheel.data.recordings.series import Clock
@@ -197,6 +196,9 @@ def likeness(
     grid: Floats, witnesses: Sequence[Witness], begin: float, end: float
 ) -> tuple[Floats, Floats]:
     """Correlations of changes at offsets by steps, and the offsets [s]; -1 with too little overlap."""
+    # Start-up time: as in flywheel.smoothing.
+    from scipy.signal import fftconvolve
+
     steps = np.arange(grid[0], grid[-1], STEP)
     moved = np.arange(begin, end, STEP)
     ones = np.ones(max(len(moved) - SPAN, 1))

@@ -11,7 +11,6 @@ from itertools import combinations, permutations, product
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
-from scipy.signal import lfilter
 
 from flywheel.data.recordings.columns import Log
 from flywheel.data.recordings.geometry import pairs
@@ -341,6 +340,9 @@ def _rest_lengths(
 
 def _lagged(told: Floats, step: float, constant: float) -> Floats:
     """(N + 1,) what follows commands (N,), one a step [s], with a first-order lag of a time constant [s]."""
+    # Start-up time: as in flywheel.smoothing.
+    from scipy.signal import lfilter
+
     share = float(np.exp(-step / constant)) if constant > 0 else 0.0
     after, _ = lfilter([1 - share], [1, -share], told, zi=[share * told[0]])
     return np.concatenate([told[:1], after])

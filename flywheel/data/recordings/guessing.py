@@ -142,7 +142,7 @@ def _add_points(draft: Draft, known: Sequence[str], file: LogFile, robot: Robot)
     """Markers by their names, or in their order, and poses of bodies where there are no markers."""
     names = [point.name for point in robot.points]
     found = _by_name(names, known)
-    columns = {name for stream in file.streams for name in stream.columns}
+    columns = [name for stream in file.streams for name in stream.columns]
     turned = [name for name in known if f"{name}{QUATERNION[0]}" in columns]
     bodies = _by_name([body.name for body in robot.bodies], turned)
     if len(turned) == len(robot.bodies) == 1 and not bodies:
@@ -161,7 +161,8 @@ def _add_points(draft: Draft, known: Sequence[str], file: LogFile, robot: Robot)
     missing = [name for name in names if name not in found]
     if missing:
         draft.remarks.append(
-            f"markers of {', '.join(missing)} are to fill in; there are: {', '.join(plain[:40])}"
+            f"markers of {', '.join(missing)} are to fill in, or poses of bodies; there are: "
+            f"{', '.join((plain or list(columns))[:40])}"
         )
 
 

@@ -216,7 +216,7 @@ def test_a_recording_is_stored_without_the_engine_of_the_network(logs, tmp_path)
         "import sys\n"
         "from flywheel.cli.main import app\n"
         "app(sys.argv[1:], standalone_mode=False)\n"
-        "print({'torch', 'ray', 'mlflow'} & sys.modules.keys())"
+        "print({'torch', 'ray', 'mlflow', 'scipy.signal', 'scipy.stats'} & sys.modules.keys())"
     )
     asked = ["recordings", "import", logs[0], "--robot", "prism3", "--store", tmp_path / "store"]
     done = subprocess.run(

@@ -97,3 +97,9 @@ def test_a_file_that_cannot_be_read_gives_no_draft(truth: Truth, tmp_path: Path)
     (tmp_path / "a.csv").write_bytes(b"\x80\x04\x95")
     with pytest.raises(DataError, match="pickle"):
         guess([tmp_path / "a.csv"], truth.robot, tmp_path)
+
+
+def test_a_file_of_poses_in_an_array_is_told_with_its_columns(truth: Truth, tmp_path: Path) -> None:
+    np.savez(tmp_path / "log.npz", t=TIME, p=np.zeros((len(TIME), 6)))
+    text = guess([tmp_path / "log.npz"], truth.robot, tmp_path)
+    assert "or poses of bodies; there are: t, p[0], p[1], p[2], p[3], p[4], p[5]\n" in text
