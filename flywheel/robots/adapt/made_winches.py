@@ -17,7 +17,7 @@ from flywheel.robots.adapt.draft import (
     digits,
     fresh_name,
 )
-from flywheel.robots.adapt.ranges import DURATION, SHORTEST
+from flywheel.robots.adapt.ranges import DURATION, RANGE, SHORTEST, reach
 from flywheel.robots.cables import curved
 
 LAG = 0.1  # of a winch that takes positions [s]
@@ -51,7 +51,7 @@ def made_winches(draft: Draft) -> Iterator[Change]:
     edits = []
     for name in chosen:
         tendon = passive[name]
-        rest, length = float(model.tendon_lengthspring[tendon, 1]), float(data.ten_length[tendon])
+        rest, length = float(model.tendon_lengthspring[tendon, 1]), reach(model, data, tendon)
         winch = fresh_name(f"{name}_winch", taken)
         attributes = {
             "gainprm": digits(model.tendon_stiffness[tendon]),
@@ -74,10 +74,7 @@ def made_winches(draft: Draft) -> Iterator[Change]:
         )
         edits.append(f"the winch {winch!r} {numbers}, which starts at {rest:.6g} m")
     keys.write(draft)
-    reason = (
-        f"Winches that --winch names, or of a structure: the springs' stiffnesses and damping, from "
-        f"{SHORTEST:.0%} of the cables' lengths to all of them in {DURATION:g} s."
-    )
+    reason = f"Winches that --winch names, or of a structure, as stiff and damped as the springs. {RANGE}."
     yield Change(tuple(edits), reason, Certainty.GUESS)
 
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
+from flywheel.records import Floats
 from flywheel.robots.adapt.draft import (
     Certainty,
     Change,
@@ -20,6 +21,10 @@ from flywheel.robots.winches import kind_of
 
 SHORTEST = 0.1  # of a cable's length: what a winch can wind it to
 DURATION = 5.0  # of winding from one end of the range to the other [s]
+RANGE = (
+    f"Winches wind cables from today's length, or that to the furthest other exit, to {SHORTEST:.0%} of it, "
+    f"in {DURATION:g} s"
+)
 
 
 def forces(draft: Draft) -> Iterator[Change]:
@@ -51,10 +56,7 @@ def ranges(draft: Draft) -> Iterator[Change]:
             shown = (f'{key}="{value}"' for key, value in changes.items() if value != "true")
             edits.append(f"{' '.join(shown)} of {name!r}")
     if edits:
-        reason = (
-            f"Winches wind cables from today's length to {SHORTEST:.0%} of it, in {DURATION:g} s, unless "
-            "there are numbers that do not count."
-        )
+        reason = f"{RANGE}, unless there are numbers that do not count."
         yield Change(tuple(edits), reason, Certainty.GUESS)
 
 
@@ -66,9 +68,28 @@ def _winches(model: mujoco.MjModel) -> Iterator[tuple[int, str]]:
             yield actuator, name
 
 
+def reach(model: mujoco.MjModel, data: mujoco.MjData, tendon: int) -> float:
+    """Length that a winch has to pay out [m].
+
+    That is the cable's own one; from a fixed place, the distance to the furthest fixed place of any cable if
+    that is more: between them a body can hang anywhere.
+    """
+    ends = [_fixed_places(model, data, each) for each in range(model.ntendon)]
+    own, others = ends[tendon], np.concatenate(ends)
+    apart = np.linalg.norm(own[:, None] - others, axis=-1)
+    return max(float(data.ten_length[tendon]), float(apart.max(initial=0.0)))
+
+
+def _fixed_places(model: mujoco.MjModel, data: mujoco.MjData, tendon: int) -> Floats:
+    """(E, 3) sites of a tendon that do not move [m]."""
+    path = slice(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
+    sites = model.wrap_objid[path][model.wrap_type[path] == mujoco.mjtWrap.mjWRAP_SITE]
+    return data.site_xpos[sites[model.body_weldid[model.site_bodyid[sites]] == 0]]
+
+
 def _longest(model: mujoco.MjModel, data: mujoco.MjData, actuator: int) -> float:
-    """A cable's length, or its rest length if that is longer [m]."""
-    length = float(data.ten_length[model.actuator_trnid[actuator, 0]])
+    """Length that a winch has to pay out, or its rest length if that is longer [m]."""
+    length = reach(model, data, int(model.actuator_trnid[actuator, 0]))
     return max(length, float(data.act[model.actuator_actadr[actuator]]))
 
 

@@ -103,6 +103,14 @@ def test_a_platform_hangs_at_its_tension(name, tmp_path):
     np.testing.assert_allclose(data.site("attachment3").xpos, [0.1, 0.1, 1.05])
 
 
+def test_winches_of_a_platform_let_it_hang_anywhere_between_its_exits(tmp_path):
+    robot = read_robot(made(PLATFORM, tmp_path).xml)
+    np.testing.assert_allclose(robot.rest_high, np.hypot(2, 2), rtol=1e-12)  # to the far corner
+    net = read_robot(made(NET, tmp_path).xml)  # nothing of it is fixed
+    longest = [cable.rest_length + 40.0 / cable.stiffness for cable in net.cables]
+    np.testing.assert_allclose(net.rest_high, longest, rtol=1e-9)
+
+
 def test_a_platform_in_millimetres_with_its_inertia(tmp_path):
     places = ("position", "exit_points", "attachment_points")
     scaled = {key: (1000 * np.array(PLATFORM[key])).tolist() for key in places}
