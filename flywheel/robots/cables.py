@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -16,6 +17,8 @@ from flywheel.robots.problems import Alike, Problems, called
 from flywheel.robots.winches import is_passive, kind_of
 
 BENT = "{} must be straight between exactly two sites (no joints, pulleys or wrapping); got {}."
+SHOWN = 6  # of the elements on a tendon's path
+GEOMS = {"sphere": "geom", "cylinder": "geom"}  # MuJoCo's words for what a tendon wraps around
 
 
 def read_cables(
@@ -86,7 +89,7 @@ def _bend(model: mujoco.MjModel, tendon: int) -> str:
         mujoco.mjtWrap(int(k)).name.removeprefix("mjWRAP_").lower() for k in model.wrap_type[path]
     ]
     if kinds != ["site", "site"]:
-        return BENT.format("{}", " -> ".join(kinds))
+        return about_bent([GEOMS.get(kind, kind) for kind in kinds])
     first, second = (model.body_weldid[model.site_bodyid[site]] for site in model.wrap_objid[path])
     if first == second:
         where = f"the body {model.body(first).name!r}" if first else "the world"
@@ -94,6 +97,12 @@ def _bend(model: mujoco.MjModel, tendon: int) -> str:
             f"{{}} must connect two bodies, or one body with the world; got both ends on {where}."
         )
     return ""
+
+
+def about_bent(path: Sequence[str]) -> str:
+    """A sentence, with {} for the tendon, about the elements that it passes."""
+    more = [] if len(path) <= SHOWN else [f"... ({len(path)} in all)"]
+    return BENT.format("{}", " -> ".join([*path[:SHOWN], *more]))
 
 
 def curved(model: mujoco.MjModel, tendon: int) -> bool:

@@ -43,6 +43,7 @@ SHORTEST = (
 )
 MOST_CONTACTS = 5000  # at the keyframe: MuJoCo takes a second for a step with 60,000
 UPRIGHT = 1e-3  # of gravity that may be sideways: what a measured vector has for its numbers
+SHOWN = 6  # of the joints that a message names
 SINGLE = (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE)  # of one number
 # What a robot's cables, winches and sensors cannot do without, by MuJoCo's bit and the MJCF's word.
 NEEDED = {
@@ -174,10 +175,15 @@ def _add_joints(problems: Problems, model: mujoco.MjModel) -> None:
 
 def about_joints(joints: Sequence[tuple[str, str, str]]) -> str:
     """A sentence about the joints, by name, kind and body, of an MJCF that cannot be used as it is."""
-    each = ", ".join(f"{name!r} ({kind}, of the body {body!r})" for name, kind, body in joints)
+    each = [
+        f"{repr(name) if name else 'without a name'} ({kind}, of "
+        f"{f'the body {body!r}' if body else 'a body without a name'})"
+        for name, kind, body in joints
+    ]
+    more = [f"and {len(each) - SHOWN} more"] if len(each) > SHOWN else []
     return (
-        f"It has {'the joint' if len(joints) == 1 else 'the joints'} {each}. Robots of free bodies "
-        "(<freejoint/>) are what compare, diagnose and adapt are made for."
+        f"It has {'the joint' if len(joints) == 1 else 'the joints'} {', '.join([*each[:SHOWN], *more])}. "
+        "Robots of free bodies (<freejoint/>) are what compare, diagnose and adapt are made for."
     )
 
 

@@ -73,6 +73,7 @@ WITHOUT_SEARCH = (
     "none",
 )  # modes of <lengthrange> in which a robot without muscles is not simulated
 SHOWN = 5  # of the elements that have one problem
+TELLING = ("class", "name", "file")  # attributes that tell which element it is
 PICTURES = "file"  # how attributes of <texture> begin that read one
 
 
@@ -224,13 +225,19 @@ def refuse_unfit(root: ElementTree.Element, what: str) -> None:
         if "muscle" in (element.get("gaintype"), element.get("biastype")):
             unfit = _MUSCLE
         if unfit is not None:
-            found.setdefault(unfit, []).append(f"<{element.tag} {shown(element.attrib)}>")
+            found.setdefault(unfit, []).append(_begun(element))
     problems = Problems()
     for unfit, elements in found.items():
         more = f" and {len(elements) - SHOWN} more" if len(elements) > SHOWN else ""
         reason = f"{what} {unfit.does} ({', '.join(elements[:SHOWN])}{more}); {unfit.but}."
         problems.add(reason, bad_input=True)
     problems.check()
+
+
+def _begun(element: ElementTree.Element) -> str:
+    """An element as it begins, by what tells it from others."""
+    told = (f" {key}={shown(element.get(key))}" for key in TELLING if element.get(key))
+    return f"<{element.tag}{''.join(told)}>"
 
 
 def _nan(root: ElementTree.Element) -> str:

@@ -137,7 +137,8 @@ def _show_problems(out: Out, mjcf: str, adapted: Adapted) -> None:
     if not adapted.left:
         out.say(f"All of them are mended by: {command}", style="bold")
     elif any(adapted.mended.values()):
-        out.say(f"To be mended by hand: {len(adapted.left)}. The others are mended by: {command}")
+        many = f"{len(adapted.left)} of them"
+        out.say(f"Mend {many} by hand first; the others are then mended by: {command}")
 
 
 def _is_file(mjcf: str) -> bool:

@@ -128,10 +128,15 @@ class _Run:
                 continue
             try:
                 made = list(adaptation(self._draft))
-                if not of_text:
-                    self._draft.model  # noqa: B018  which MuJoCo still compiles
             except RobotError as error:
                 self._stop((*bent(self._draft), *problems_of(error)))
+                return
+            try:
+                if made and not of_text:
+                    self._draft.model  # noqa: B018  which MuJoCo still compiles
+            except RobotError as error:
+                refused = f"The adaptation {name!r} makes an MJCF that is refused: {error}"
+                self._stop((*bent(self._draft), refused))
                 return
             if made:
                 self.changes += [(name, change) for change in made]
@@ -157,6 +162,7 @@ class _Run:
     def _stop(self, problems: tuple[str, ...]) -> None:
         """Adapt no more; tell these problems first."""
         first = dict.fromkeys(problems, "")
-        self.mended = first | {p: name for p, name in self.mended.items() if p not in first}
-        self.left = (*first, *(each for each in self.left if each not in first))
+        ends = {problem[-ENDING:] for problem in problems}
+        self.mended = first | {p: n for p, n in self.mended.items() if p[-ENDING:] not in ends}
+        self.left = (*first, *(each for each in self.left if each[-ENDING:] not in ends))
         self.stopped = True

@@ -7,7 +7,7 @@ from functools import partial
 from flywheel.errors import RobotError
 from flywheel.robots.adapt.classes import Classes
 from flywheel.robots.adapt.draft import Draft
-from flywheel.robots.cables import BENT
+from flywheel.robots.cables import about_bent
 from flywheel.robots.mjcf_numbers import check_numbers
 from flywheel.robots.mjcf_reader import about_joints
 from flywheel.robots.mjcf_source import refuse_unfit
@@ -26,7 +26,7 @@ def bent(draft: Draft) -> tuple[str, ...]:
         if path != LINE:
             name = tendon.get("name")
             whom = repr(name) if name else f"number {number}"
-            problems.add_alike("tendon", whom, BENT.format("{}", " -> ".join(path)))
+            problems.add_alike("tendon", whom, about_bent(path))
     return _told(problems)
 
 

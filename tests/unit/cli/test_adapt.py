@@ -38,7 +38,10 @@ def test_the_check_tells_what_is_left_to_be_done_by_hand(tmp_path):
     path = lab_files.two_motors_on_a_spring(tmp_path)
     told = run(app, ["robot", "check", str(path)])
     assert told.exit_code == 2  # MuJoCo refuses an option
-    assert "To be mended by hand: 2. The others are mended by: flywheel robot adapt" in told.output
+    assert (
+        "Mend 2 of them by hand first; the others are then mended by: flywheel robot adapt"
+        in told.output
+    )
 
 
 def test_nothing_is_written_in_a_dry_run_or_where_nobody_can_be_asked(mjcf, tmp_path):

@@ -70,6 +70,23 @@ def test_a_problem_is_told_as_mended_where_it_is_gone_and_only_there(make, tmp_p
         assert (problem[-60:] in endings) == (not name)
 
 
+def test_each_reason_of_an_arm_without_names_is_told_once(tmp_path):
+    many = "".join(f'<joint name="j{i}" axis="1 0 0"/>' for i in range(40))
+    route = '<site site="o"/><geom geom="drum"/>' * 5
+    text = f"""<mujoco><worldbody><site name="o"/><geom name="drum" type="cylinder" size=".1 .1" pos="1 0 0"/>
+  <body><joint/><geom size=".1"/><site name="a" pos="2 0 0"/>{many}</body></worldbody>
+  <tendon><spatial>{route}<site site="a"/></spatial></tendon></mujoco>"""
+    result = adapt(lab_files.written(tmp_path, text))
+    for problems in (list(result.mended), result.left):
+        (joints,) = (each for each in problems if "joints" in each and "straight" not in each)
+        start = "It has the joints without a name (hinge, of the body 'body0'), 'j0' (hinge, of the body"
+        assert (
+            problems[0] == joints and joints.startswith(start) and "and 35 more. Robots" in joints
+        )
+        (bent,) = (each for each in problems if "straight" in each)
+        assert bent.endswith("got site -> geom -> site -> geom -> site -> geom -> ... (11 in all).")
+
+
 def test_an_adapted_file_needs_no_more_changes(tmp_path):
     first = adapted(lab_files.prism_with_springs_beside_servos, tmp_path)
     again = adapt(lab_files.written(tmp_path, first.xml))
@@ -209,7 +226,8 @@ def test_an_adaptation_that_mujoco_refuses_mends_nothing(tmp_path, monkeypatch):
 
     monkeypatch.setitem(adapting.OF_ROBOT, "pull-only", broken)
     result = adapted(lab_files.prism_with_springs_beside_servos, tmp_path)
-    assert "MuJoCo cannot compile" in result.left[0]
+    refused = "The adaptation 'pull-only' makes an MJCF that is refused: MuJoCo cannot compile"
+    assert result.left[0].startswith(refused)
     assert "pull-only" not in result.mended.values()
 
 

@@ -135,7 +135,7 @@ def test_the_example_itself_is_accepted() -> None:
                 ('<site site="hook"/>', '<site site="hook"/><geom geom="ground"/>'),
                 ('type="plane" size="5 5 .1"', 'type="sphere" size=".1" pos="0 0 -1"'),
             ],
-            "'stay' must be straight.*got site -> sphere -> site",
+            "'stay' must be straight.*got site -> geom -> site",
         ),
         (
             [('springlength="0 1.2"', 'springlength="1.2"')],
