@@ -7,6 +7,7 @@
     python -m benchmarks.tables collect residual FOLDER      ... of `python -m benchmarks.residual`
     python -m benchmarks.tables collect demo FOLDER          ... of `python -m benchmarks.demo`
     python -m benchmarks.tables collect robot FOLDER         ... of `python -m benchmarks.robot`
+    python -m benchmarks.tables collect paper TABLE FOLDER   ... of `python pipelines/paper_table.py`
     python -m benchmarks.tables collect navigation NAME RUN  a run, or a file of `flywheel navigate --results`
 
 A table is in a page between `<!-- table: NAME -->` and `<!-- end -->`.
@@ -30,9 +31,13 @@ from benchmarks.diagnosis.case_result import CaseResult
 from benchmarks.diagnosis.case_row import CaseRow
 from benchmarks.diagnosis.rates import hard_table, outside_table, rates_table
 from benchmarks.navigation import EpisodeRow, ModelRow
+from benchmarks.paper.definition import Cell, read_table, table_names
+from benchmarks.paper.rows import CellRow, left_out_table, result_table
+from benchmarks.paper.table import Table
+from benchmarks.paper.worker import settings_digest
 from benchmarks.residual import ResidualRow, ResidualStudy
 from benchmarks.robot import DriveRow, ErrorRow
-from benchmarks.rows import RESULTS, other_rows, read_rows, values_of, write_rows
+from benchmarks.rows import RESULTS, other_rows, read_rows, rows_there, values_of, write_rows
 from benchmarks.steps import REST_CSV, STEPS_CSV, RestRow, StepRow
 from benchmarks.sysid import table as sysid
 from benchmarks.sysid.study import CaseStudy
@@ -54,6 +59,7 @@ ROBOT_ERRORS = RESULTS / "robot_errors.csv"
 ROBOT_DRIVES = RESULTS / "robot_drives.csv"
 MODELS = RESULTS / "navigation_models.csv"
 EPISODES = RESULTS / "navigation_episodes.csv"
+PAPER = RESULTS / "paper"  # a file for each table
 RUN = ("run", "seed")  # what says which run a row of these two is of
 
 
@@ -75,6 +81,16 @@ def _of_set(name: str) -> list[CaseRow]:
 def robot_errors(of_set: str) -> list[str]:
     """Errors of the models of runs on a robot with a set of hidden effects."""
     return robot.errors_table(read_rows(ErrorRow, ROBOT_ERRORS), of_set)
+
+
+def paper_rows(name: str) -> list[CellRow]:
+    """Collected results of a table of models."""
+    return rows_there(CellRow, PAPER / f"{name}.csv")
+
+
+def paper_left_out() -> list[str]:
+    """Cells that no table of models has results of."""
+    return left_out_table((read_table(name), paper_rows(name)) for name in table_names())
 
 
 TABLES: dict[str, Callable[[], list[str]]] = {
@@ -110,6 +126,13 @@ TABLES: dict[str, Callable[[], list[str]]] = {
         read_rows(EpisodeRow, EPISODES),
         "s_course",
     ),
+    "paper-left-out": paper_left_out,
+    **{
+        f"paper-{file.stem}": lambda name=file.stem: result_table(  # type: ignore[misc]
+            read_table(name), paper_rows(name)
+        )
+        for file in sorted(PAPER.glob("*.csv"))
+    },
     "navigation-episodes": lambda: navigation.episodes_table(read_rows(EpisodeRow, EPISODES)),
 }
 
@@ -188,6 +211,23 @@ def collect_robot(folder: Path) -> None:
     write_rows(ROBOT_DRIVES, [*other_rows(DriveRow, ROBOT_DRIVES, ("set", "seed"), taken), *drives])
 
 
+def collect_paper(name: str, folder: Path) -> None:
+    """Import the cells of a table of models; others stay that have the settings of its definition.
+
+    Raises:
+      ConfigError: there is none, or one has other settings.
+    """
+    config, file = read_table(name), PAPER / f"{name}.csv"
+    if not (new := Table(config, folder).rows()):
+        raise ConfigError(f"There is no result of the table {name} in {folder}.")
+    of = ("robot", "dataset", "method", "seed")
+    others = other_rows(CellRow, file, of, {values_of(row, of) for row in new})
+    kept = [
+        row for row in others if row.settings == settings_digest(config, Cell(*values_of(row, of)))
+    ]
+    write_rows(file, [*kept, *new])
+
+
 def _texts(folder: Path) -> list[str]:
     files = (file for file in sorted(folder.glob("*.json")) if ".model." not in file.name)
     if not (texts := [file.read_text(encoding="utf-8") for file in files]):
@@ -219,6 +259,9 @@ def main() -> None:
     for kind in ("diagnosis", "robot", *COLLECTED):
         kinds.add_parser(kind).add_argument("folder", type=Path)
     kinds.choices["diagnosis"].add_argument("--set", default="main", help="of the cases")
+    paper = kinds.add_parser("paper")
+    paper.add_argument("table", help="its name")
+    paper.add_argument("folder", type=Path)
     driven = kinds.add_parser("navigation")
     driven.add_argument("name", help="of the run")
     driven.add_argument("run", type=Path, help="its folder, or a file of episodes")
@@ -236,6 +279,8 @@ def _do(given: argparse.Namespace) -> None:
             write_output(page, with_tables(page.read_text(encoding="utf-8")))
     elif given.kind == "navigation":
         collect_navigation(given.name, given.run, given.seed)
+    elif given.kind == "paper":
+        collect_paper(given.table, given.folder)
     elif given.kind == "diagnosis":
         collect_diagnosis(given.folder, given.set)
     elif given.kind == "robot":

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from benchmarks.paper.definition import TableConfig
@@ -15,6 +15,7 @@ COLUMNS = {  # field -> title; the first four are those that publications have
     "short_mse": "short: MSE/L [%]",
     "short_rot": "short: turn [deg]",
 }
+_PARTS = {"whole": "full", "short": "short"}
 NUMBERS = (
     *COLUMNS, "full_rmse", "short_rmse", "learned", "tested", "fit_cpu", "rollout_cpu",
 )  # fmt: skip
@@ -60,6 +61,9 @@ class CellRow:
     problem: str = ""
 
 
+Column = Callable[[Sequence[CellRow]], str]  # cell of a model's rows
+
+
 def page(table: TableConfig, rows: Sequence[CellRow]) -> list[str]:
     """Lines of Markdown: errors beside published ones, in other units, and costs, for each robot."""
     lines = [f"# {table.name}", "", *_about(table, rows)]
@@ -72,44 +76,48 @@ def page(table: TableConfig, rows: Sequence[CellRow]) -> list[str]:
 
 def errors_table(table: TableConfig, rows: Sequence[CellRow]) -> list[str]:
     """Lines of Markdown: mean and deviation over data sets and seeds, and published numbers in brackets."""
-    lines = _head("model", list(COLUMNS.values()))
-    for method, own in _by_method(rows).items():
-        published = table.methods[method].published.get(own[0].robot)
-        there = [f" ({text})" for text in published] if published else [""] * len(COLUMNS)
-        cells = [spread(own, name) + text for name, text in zip(COLUMNS, there, strict=True)]
-        lines.append(f"| {method} | {' | '.join(cells)} |")
-    return lines
+    return _lines("model", _errors(table), rows)
 
 
 def units_table(rows: Sequence[CellRow]) -> list[str]:
     """Lines of Markdown: the position errors in other units in use."""
-    units: dict[str, Callable[[CellRow, str], float]] = {
-        "RMSE/L [%]": lambda row, part: float(getattr(row, f"{part}_rmse")),
-        "MSE/L, mean over xyz [%]": lambda row, part: float(getattr(row, f"{part}_mse")) / 3,
-        "MSE [m^2]": lambda row, part: float(getattr(row, f"{part}_mse")) / 100 * row.length,
-    }
-    parts = {"whole": "full", "short": "short"}
-    lines = _head("model", [f"{part}: {unit}" for part in parts for unit in units])
-    for method, own in _by_method(rows).items():
-        values = [
-            [of(row, part) for row in own] for part in parts.values() for of in units.values()
-        ]
-        lines.append(f"| {method} | {' | '.join(_mean(each) for each in values)} |")
-    return lines
+    columns: dict[str, Column] = {}
+    for title, part in _PARTS.items():
+        columns |= {
+            f"{title}: RMSE/L [%]": _means(f"{part}_rmse"),
+            f"{title}: MSE/L, mean over xyz [%]": _means(f"{part}_mse", 1 / 3),
+            f"{title}: MSE [m^2]": _means(f"{part}_mse", rows[0].length / 100),
+        }
+    return _lines("model", columns, rows)
 
 
 def costs_table(rows: Sequence[CellRow]) -> list[str]:
     """Lines of Markdown: the data, and the processor's time for training and predictions."""
-    heads = ["cells", "data [min]", "training [CPU min]", "prediction [CPU s per s]"]
-    lines = _head("model", heads)
-    for method, own in _by_method(rows).items():
-        cells = [
-            str(len(own)),
-            _mean([row.learned / 60 for row in own]),
-            _mean([row.fit_cpu / 60 for row in own]),
-            _mean([row.rollout_cpu for row in own]),
-        ]
-        lines.append(f"| {method} | {' | '.join(cells)} |")
+    return _lines("model", _COSTS, rows)
+
+
+def result_table(table: TableConfig, rows: Sequence[CellRow]) -> list[str]:
+    """Lines of Markdown: errors beside published ones, and costs, in one table for each robot."""
+    roots = {f"{name}: RMSE/L [%]": _means(f"{part}_rmse") for name, part in _PARTS.items()}
+    lines: list[str] = []
+    for robot in dict.fromkeys(row.robot for row in rows):
+        own = [row for row in rows if row.robot == robot]
+        lines += ["", *_lines(f"{robot}: model", {**_errors(table), **roots, **_COSTS}, own)]
+    return lines[1:]
+
+
+def left_out_table(tables: Iterable[tuple[TableConfig, Sequence[CellRow]]]) -> list[str]:
+    """Lines of Markdown: a row for each table, with the number of its cells, and all that have no cell."""
+    parts = {"robots": "robot", "data sets": "dataset", "models": "method", "seeds": "seed"}
+    lines = _head("table", ["cells", *(f"{name} without any" for name in parts)])
+    for table, rows in tables:
+        cells = [f"{len(rows)} of {len(table.cells())}"]
+        for part in parts.values():
+            made = {getattr(row, part) for row in rows}
+            names = dict.fromkeys(getattr(cell, part) for cell in table.cells())
+            left = ", ".join(str(name) for name in names if name not in made)
+            cells.append(left if rows else "all")
+        lines.append(f"| {table.name} | {' | '.join(cells)} |")
     return lines
 
 
@@ -145,17 +153,42 @@ def _digests(rows: Sequence[CellRow]) -> list[str]:
     return [*lines, "", "No trajectory is in both, by the digests of measurements and commands."]
 
 
-def _by_method(rows: Sequence[CellRow]) -> dict[str, list[CellRow]]:
-    return {
-        method: [row for row in rows if row.method == method]
-        for method in dict.fromkeys(row.method for row in rows)
-    }
+def _errors(table: TableConfig) -> dict[str, Column]:
+    def column(index: int, name: str) -> Column:
+        def cell(own: Sequence[CellRow]) -> str:
+            published = table.methods[own[0].method].published.get(own[0].robot)
+            return spread(own, name) + (f" ({published[index]})" if published else "")
+
+        return cell
+
+    return {title: column(index, name) for index, (name, title) in enumerate(COLUMNS.items())}
+
+
+def _means(name: str, factor: float = 1.0) -> Column:
+    def cell(own: Sequence[CellRow]) -> str:
+        sound = [factor * getattr(row, name) for row in own]
+        sound = [value for value in sound if math.isfinite(value)]
+        return f"{statistics.fmean(sound):.3g}" if sound else ""
+
+    return cell
+
+
+_COSTS: dict[str, Column] = {
+    "cells": lambda own: str(len(own)),
+    "data [min]": _means("learned", 1 / 60),
+    "training [CPU min]": _means("fit_cpu", 1 / 60),
+    "prediction [CPU s per s]": _means("rollout_cpu"),
+}
+
+
+def _lines(first: str, columns: Mapping[str, Column], rows: Sequence[CellRow]) -> list[str]:
+    """Lines of Markdown: a row for each model."""
+    lines = _head(first, list(columns))
+    for method in dict.fromkeys(row.method for row in rows):
+        own = [row for row in rows if row.method == method]
+        lines.append(f"| {method} | {' | '.join(of(own) for of in columns.values())} |")
+    return lines
 
 
 def _head(first: str, heads: Sequence[str]) -> list[str]:
     return [f"| {first} | {' | '.join(heads)} |", "|---" * (1 + len(heads)) + "|"]
-
-
-def _mean(values: Sequence[float]) -> str:
-    sound = [value for value in values if math.isfinite(value)]
-    return f"{statistics.fmean(sound):.3g}" if sound else ""

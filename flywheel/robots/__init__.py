@@ -11,6 +11,7 @@ from flywheel.robots.mjcf_reader import read_robot
 from flywheel.robots.obstacle_course import COURSES, ObstacleCourse, load_course
 from flywheel.robots.parts import Attachment, Body, Cable, Primitive, TrackedPoint, Winch
 from flywheel.robots.robot import Robot
+from flywheel.robots.symmetries import Symmetries, symmetries_of
 from flywheel.robots.world import GRAVITY, Box
 
 ROBOTS = {"prism3": "prism3.xml", "icosa6": "icosa6.xml", "platform4": "platform4.xml"}
@@ -41,6 +42,7 @@ __all__ = [
     "ObstacleCourse",
     "Primitive",
     "Robot",
+    "Symmetries",
     "TerrainConfig",
     "TrackedPoint",
     "Winch",
@@ -53,6 +55,7 @@ __all__ = [
     "load_robot",
     "moving_bodies",
     "read_robot",
+    "symmetries_of",
     "tracked_site",
     "turn_of",
 ]

@@ -1,4 +1,4 @@
-"""Training batches: the windows of a step, with rotations and shifts."""
+"""Training batches: the windows of a step, with rotations, symmetries and shifts."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from flywheel.data import WindowBatch, WindowCache
 from flywheel.dynamics.gnn import Batch, View
 from flywheel.errors import ConfigError, DataError
 from flywheel.records import Floats
+from flywheel.robots import Symmetries
 
 
 def generator(seed: int, step: int, purpose: int) -> np.random.Generator:
@@ -90,6 +91,21 @@ def turned(windows: WindowBatch, rng: np.random.Generator) -> WindowBatch:
     return dataclasses.replace(
         windows, points=points, points_truth=truth, angle=windows.angle + angle
     )
+
+
+def relabelled(
+    windows: WindowBatch, symmetries: Symmetries, rng: np.random.Generator
+) -> WindowBatch:
+    """The same windows, each with the robot's parts listed in the order of a random symmetry."""
+    drawn = rng.integers(len(symmetries.points), size=len(windows.points))
+    points, winches = (each[drawn, None] for each in (symmetries.points, symmetries.winches))
+    changed: dict[str, Floats] = {
+        name: np.take_along_axis(getattr(windows, name), points[..., None], axis=2)
+        for name in ("points", "points_truth")
+    }
+    for name in ("controls", "winch", "winch_truth"):
+        changed[name] = np.take_along_axis(getattr(windows, name), winches, axis=2)
+    return dataclasses.replace(windows, **changed)
 
 
 def noisy(

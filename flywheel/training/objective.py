@@ -11,7 +11,8 @@ from torch import Tensor
 
 from flywheel.data import WindowCache
 from flywheel.dynamics.gnn import Batch, ChunkNetwork, Simulator
-from flywheel.training.batches import Draw, generator, noisy, to_batch, turned
+from flywheel.robots import symmetries_of
+from flywheel.training.batches import Draw, generator, noisy, relabelled, to_batch, turned
 from flywheel.training.config import Schedule, TrainingConfig
 from flywheel.training.loss import Losses, LossScales, Truth, residual_scales, window_loss
 from flywheel.training.schedules import stage_at
@@ -44,6 +45,7 @@ class Objective:
             chunks: Draw(cache, self._history + chunks * self._chunk, self._history, config.mix)
             for chunks in sorted({stage.chunks for stage in schedule.stages})
         }
+        self._symmetries = symmetries_of(simulator.robot) if config.symmetries else None
         self._scales = self._measured_scales().to(config.device)
 
     def backward(self, network: ChunkNetwork, step: int, pool: Executor | None = None) -> Losses:
@@ -99,6 +101,8 @@ class Objective:
         rng = generator(config.seed, step, _AUGMENTATION)
         if config.yaw_augmentation and not self._simulator.config.yaw_frame:
             gathered = turned(gathered, rng)
+        if self._symmetries is not None:
+            gathered = relabelled(gathered, self._symmetries, rng)
         if config.noise > 0:
             gathered = noisy(
                 gathered, self._history, config.noise * self._simulator.robot.length, rng

@@ -7,10 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks import tables
 from benchmarks.paper.datasets import RATES, DataSets
-from benchmarks.paper.definition import SIZES, TABLES, read_table, table_names
-from benchmarks.paper.rows import CellRow, page, spread
+from benchmarks.paper.definition import SIZES, TABLES, Cell, read_table, table_names
+from benchmarks.paper.rows import CellRow, left_out_table, page, result_table, spread
 from benchmarks.paper.table import Table, publisher
+from benchmarks.paper.worker import settings_digest
+from benchmarks.rows import write_rows
 from flywheel.errors import ConfigError, DataError, FlywheelError
 from flywheel.runtime.pool.pool import WorkerPool
 from tests.unit.runtime.local_backend import LocalBackend
@@ -155,3 +158,34 @@ def test_a_cell_is_published_once() -> None:
     cells = [key.partition("/")[2] for key in board.runs if "/" in key]
     assert cells == ["prism3.nominal.network.s0", "prism3.nominal.arx.s0"]
     assert board.files == ["table.csv", "table.md"]
+
+
+def test_results_of_a_table_that_were_collected_before_stay_if_their_settings_do(
+    tmp_path, monkeypatch
+):
+    config = read_table("sim2sim")
+
+    def row(method: str, error: float, settings: str = "") -> CellRow:
+        told = settings or settings_digest(config, Cell("prism3", "nominal", method, 0))
+        return replace(ROW, method=method, settings=told, full_mse=error)
+
+    monkeypatch.setattr(tables, "PAPER", tmp_path)
+    write_rows(
+        tmp_path / "sim2sim.csv",
+        [row("arx", 9.0), row("network", 8.0), row("tdpe_mjcf", 7.0, "old")],
+    )
+    folder = tmp_path / "results"
+    with pytest.raises(ConfigError, match="no result of the table sim2sim in"):
+        tables.collect_paper("sim2sim", folder)
+    write_rows(folder / "cells" / "prism3.nominal.network.s0.csv", [row("network", 3.0)])
+    tables.collect_paper("sim2sim", folder)
+    found = tables.paper_rows("sim2sim")
+    assert [(row.method, row.full_mse) for row in found] == [("arx", 9.0), ("network", 3.0)]
+
+    lines = result_table(config, found)
+    assert lines[0].startswith("| prism3: model |") and lines[3].startswith(
+        "| network | 3 (1.1 ± 0.9) |"
+    )
+    (left,) = left_out_table([(config, found)])[2:]
+    assert left.startswith("| sim2sim | 2 of 132 | icosa6 | friction_low, ")
+    assert left.endswith(", mjcf_restarted, restarted_random_roll, restarted |  |")

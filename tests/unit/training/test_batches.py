@@ -5,8 +5,9 @@ import pytest
 import torch
 
 from flywheel.errors import ConfigError, DataError
+from flywheel.robots import symmetries_of
 from flywheel.terrain import Terrain
-from flywheel.training.batches import Draw, generator, noisy, to_batch, turned
+from flywheel.training.batches import Draw, generator, noisy, relabelled, to_batch, turned
 from tests import draws
 
 
@@ -23,6 +24,25 @@ def test_a_turned_window_keeps_heights_and_distances(train):
     np.testing.assert_allclose(apart(after.points), apart(windows.points), atol=1e-12)
     assert np.abs(after.points - windows.points).max() > 0.1
     np.testing.assert_array_equal(after.controls, windows.controls)
+
+
+def test_parts_of_a_window_are_listed_in_the_order_of_a_symmetry(robot, train):
+    windows, found = train.gather(train.starts(20)[::7], 20), symmetries_of(robot)
+    after = relabelled(windows, found, np.random.default_rng(draws.seed()))
+    drawn = set()
+    for index in range(len(windows.points)):
+        orders = zip(found.points, found.winches, strict=True)
+        (kind,) = (
+            number
+            for number, (points, winches) in enumerate(orders)
+            if np.array_equal(after.points[index], windows.points[index][:, points])
+            and np.array_equal(after.points_truth[index], windows.points_truth[index][:, points])
+            and np.array_equal(after.controls[index], windows.controls[index][:, winches])
+            and np.array_equal(after.winch[index], windows.winch[index][:, winches])
+            and np.array_equal(after.winch_truth[index], windows.winch_truth[index][:, winches])
+        )
+        drawn.add(kind)
+    assert drawn == set(range(len(found.points)))
 
 
 def test_noise_touches_the_past_and_not_what_is_predicted(train):

@@ -71,3 +71,10 @@ def test_noise_is_in_the_past_alone(objective):
     assert spread.item() == pytest.approx(0.0295, rel=0.2)
     apart = (noisy.points[:, 2:] - clean.points[:, 2:]).diff(dim=1)
     torch.testing.assert_close(apart, torch.zeros_like(apart), atol=1e-5, rtol=0)
+
+
+def test_windows_are_listed_from_another_side_only_where_that_is_asked_for(objective):
+    plain, listed = (objective(symmetries=on).batch(3) for on in (False, True))
+    torch.testing.assert_close(plain.points.mean(dim=2), listed.points.mean(dim=2))
+    other = (plain.points != listed.points).flatten(1).any(dim=1)
+    assert 0 < int(other.sum()) < len(other)
