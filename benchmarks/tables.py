@@ -31,10 +31,9 @@ from benchmarks.diagnosis.case_result import CaseResult
 from benchmarks.diagnosis.case_row import CaseRow
 from benchmarks.diagnosis.rates import hard_table, outside_table, rates_table
 from benchmarks.navigation import EpisodeRow, ModelRow
-from benchmarks.paper.definition import Cell, read_table, table_names
+from benchmarks.paper.definition import read_table, table_names
 from benchmarks.paper.rows import CellRow, left_out_table, result_table
 from benchmarks.paper.table import Table
-from benchmarks.paper.worker import settings_digest
 from benchmarks.residual import ResidualRow, ResidualStudy
 from benchmarks.robot import DriveRow, ErrorRow
 from benchmarks.rows import RESULTS, other_rows, read_rows, rows_there, values_of, write_rows
@@ -212,19 +211,15 @@ def collect_robot(folder: Path) -> None:
 
 
 def collect_paper(name: str, folder: Path) -> None:
-    """Import the cells of a table of models; others stay that have the settings of its definition.
+    """Import the cells of a table of models; others stay.
 
     Raises:
-      ConfigError: there is none, or one has other settings.
+      ConfigError: there is none, or one has other settings than the table has.
     """
-    config, file = read_table(name), PAPER / f"{name}.csv"
-    if not (new := Table(config, folder).rows()):
+    if not (new := Table(read_table(name), folder).rows()):
         raise ConfigError(f"There is no result of the table {name} in {folder}.")
-    of = ("robot", "dataset", "method", "seed")
-    others = other_rows(CellRow, file, of, {values_of(row, of) for row in new})
-    kept = [
-        row for row in others if row.settings == settings_digest(config, Cell(*values_of(row, of)))
-    ]
+    file, of = PAPER / f"{name}.csv", ("robot", "dataset", "method", "seed")
+    kept = other_rows(CellRow, file, of, {values_of(row, of) for row in new})
     write_rows(file, [*kept, *new])
 
 

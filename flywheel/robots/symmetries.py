@@ -13,9 +13,7 @@ from flywheel.robots.parts import Body, Cable
 from flywheel.robots.robot import Robot
 from flywheel.rotations import kabsch, rotate
 
-ALIKE = (
-    0.01  # by how much parts that take each other's places may lie apart [fraction of the length]
-)
+ALIKE = 0.01  # distance of parts that take each other's places, at most [fraction of the length]
 MOST = 1000  # orders of the points that are looked at; an icosahedron has 60 turns
 
 Kind = tuple[object, ...]  # numbers of a cable and its winch

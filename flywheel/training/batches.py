@@ -98,14 +98,20 @@ def relabelled(
 ) -> WindowBatch:
     """The same windows, each with the robot's parts listed in the order of a random symmetry."""
     drawn = rng.integers(len(symmetries.points), size=len(windows.points))
-    points, winches = (each[drawn, None] for each in (symmetries.points, symmetries.winches))
-    changed: dict[str, Floats] = {
-        name: np.take_along_axis(getattr(windows, name), points[..., None], axis=2)
-        for name in ("points", "points_truth")
-    }
-    for name in ("controls", "winch", "winch_truth"):
-        changed[name] = np.take_along_axis(getattr(windows, name), winches, axis=2)
-    return dataclasses.replace(windows, **changed)
+    points, winches = symmetries.points[drawn, None, :, None], symmetries.winches[drawn, None]
+    seen, true = (np.take_along_axis(e, points, 2) for e in (windows.points, windows.points_truth))
+    controls, winch, winch_truth = (
+        np.take_along_axis(each, winches, 2)
+        for each in (windows.controls, windows.winch, windows.winch_truth)
+    )
+    return dataclasses.replace(
+        windows,
+        points=seen,
+        points_truth=true,
+        controls=controls,
+        winch=winch,
+        winch_truth=winch_truth,
+    )
 
 
 def noisy(

@@ -93,7 +93,7 @@ class TrainingConfig(Frozen):
       yaw_augmentation: turn every window about the vertical by a random angle, unless the network's
         predictions turn with the robot anyway (`NetworkConfig.yaw_frame`).
       symmetries: list the robot's parts in the order of a random one of its symmetries, in each window.
-        What was seen on one of its sides is then known of all that are the same.
+        Motion that was seen on one of its sides is then known of all that are the same.
       noise: standard deviation added to the past's points, as a fraction of the robot's length.
       mix: share of each data set in a batch; empty draws every window equally often.
       validate_every: steps between validations; also done at the end.
