@@ -168,7 +168,7 @@ def _below_zero(model: mujoco.MjModel, actuator: int) -> bool:
 def _range(
     model: mujoco.MjModel, actuator: int, told: Scale, force: Scale
 ) -> tuple[float, float] | None:
-    """What a winch may be told, from a motor's ranges of commands and of forces; None without any."""
+    """Range for a winch, from a motor's ranges of commands and of forces; None without any."""
     ranges = []
     if model.actuator_ctrllimited[actuator]:
         ranges.append(scaled(model.actuator_ctrlrange[actuator], told))
