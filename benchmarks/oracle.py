@@ -23,6 +23,7 @@ from flywheel.dynamics.protocol import Dynamics
 from flywheel.records import Past, Provenance
 from flywheel.robots import Robot, load_robot, read_robot
 from flywheel.tasks import Task, TaskConfig, sample_task
+from flywheel.terrain import with_boxes
 
 Planner = Callable[[Dynamics], Controller]
 
@@ -64,8 +65,9 @@ def study(
     seconds, distances, plans, begun = [], [], 0, time.process_time()
     for seed in range(FIRST_SEED, FIRST_SEED + goals):
         goal = sample_task(task.name, robot, points, np.random.default_rng(seed), task)
-        plant = Plant(robot, obstacles=goal.obstacles)
-        model = Plant(_coarser(robot) if coarse else robot, obstacles=goal.obstacles)
+        around = with_boxes(None, goal.obstacles)
+        plant = Plant(robot, terrain=around)
+        model = Plant(_coarser(robot) if coarse else robot, terrain=around)
         stand = goal.begin
         episode = record_episode(
             plant,

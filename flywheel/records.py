@@ -193,7 +193,7 @@ class Episode:
       split: "train", "validation" or "test"; fixed at commit.
       outcome: of the task, if there was one.
       telemetry: additional numbers outside all digests, e.g. {"plan_seconds": (plans,)}.
-      terrain: under the robot; None for the plane z = 0.
+      terrain: ground and boxes around the robot; None for the plane z = 0 alone.
     """
 
     id: str
@@ -227,7 +227,7 @@ class Past:
         else dead-reckoned from the commands and the known effects of the plant [m].
       dataset: index of the data set (the network's one-hot).
       state: (B,) the plant's full state at the present, for the oracle only.
-      terrains: under each of B, or one for all; None is the plane z = 0.
+      terrains: around each of B, or one for all; None is the plane z = 0 alone.
       pending: (B, c, W) commands that are already fixed: sent, or part of a plan in execution. None
         for none.
     """

@@ -29,7 +29,7 @@ def contenders(
     controls = rng.uniform(robot.control_low, robot.control_high, size)
     start = plant.rest(simulations)
 
-    model = scene(robot, ()).compile()
+    model = scene(robot).compile()
     data = [mujoco.MjData(model) for _ in range(threads)]
     for each in data:
         mujoco.mj_resetDataKeyframe(model, each, 0)

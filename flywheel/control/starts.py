@@ -10,6 +10,7 @@ from flywheel.errors import RobotError
 from flywheel.records import Floats, State
 from flywheel.robots import GRAVITY, Robot
 from flywheel.rotations import conjugate, rotate
+from flywheel.terrain import is_level
 
 FREE_JOINT = 7  # position and quaternion
 HEIGHT = (0.03, 0.4)  # height of the lowest cap's surface above the ground [robot lengths]
@@ -64,7 +65,7 @@ def above_ground(plant: Plant, state: State) -> State:
     Raises:
       RobotError: the robot has joints, and the ground is not level.
     """
-    if plant.terrain is None:
+    if plant.terrain is None or is_level(plant.terrain):
         return state
     plant.robot.require_free("put on ground that is not level")
     robot, points = plant.robot, plant.observe(state).points

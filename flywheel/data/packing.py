@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 
 from flywheel.errors import DataError
 from flywheel.records import Episode, Observation, Outcome, Provenance, Split, State, Trajectory
-from flywheel.terrain import Terrain
+from flywheel.terrain import NUMBERS, Box, Terrain, box_numbers, box_of
 
 SCHEMA = 1
 _STATE = ("qpos", "qvel", "act")
-TERRAINS = ("terrain", "terrain_grid", "terrain_heights")  # arrays
+TERRAINS = ("terrain", "terrain_grid", "terrain_heights", "terrain_boxes")  # arrays
 Arrays = dict[str, NDArray[Any]]
 
 
@@ -53,7 +53,8 @@ def pack(episodes: Sequence[Episode]) -> tuple[Arrays, dict[str, Any]]:
     for name, parts in columns.items():
         arrays[name] = _end_to_end(parts)
     if any(e.terrain is not None for e in episodes):
-        arrays |= packed_terrains([e.terrain for e in episodes])
+        around = packed_terrains([e.terrain for e in episodes])
+        arrays |= {name: array for name, array in around.items() if array.size}
     return arrays, {"schema": SCHEMA, "episodes": [_describe(e) for e in episodes]}
 
 
@@ -95,26 +96,37 @@ def packed_terrains(terrains: Sequence[Terrain | None]) -> Arrays:
 
     Returns:
       "terrain" (E,) their number, -1 for the plane; "terrain_grid" (G, 5) cells' corners along x and y, the
-      side of a cell, and x and y of the first corner [m]; "terrain_heights" of all of them, end to end [m].
+      side of a cell, and x and y of the first corner [m]; "terrain_heights" of all of them, end to end [m];
+      "terrain_boxes" (B, 11) their boxes, after the number of the terrain. Empty ones are not stored.
     """
     distinct = [terrain for terrain in dict.fromkeys(terrains) if terrain is not None]
     number = {terrain: index for index, terrain in enumerate(distinct)}
     grids = [[*t.heights.shape, t.cell, *t.origin] for t in distinct]
+    boxes = [np.insert(box_numbers(t.boxes), 0, number[t], axis=1) for t in distinct]
     return {
         "terrain": np.array([-1 if t is None else number[t] for t in terrains], "<i8"),
         "terrain_grid": np.array(grids, "<f8").reshape(-1, 5),
         "terrain_heights": np.concatenate([np.zeros(0), *(t.heights.ravel() for t in distinct)]),
+        "terrain_boxes": np.concatenate([np.zeros((0, 1 + NUMBERS)), *boxes]),
     }
 
 
 def unpacked_terrains(arrays: Arrays) -> list[Terrain | None]:
     """The terrains of `packed_terrains`."""
-    grids, heights = arrays["terrain_grid"], arrays["terrain_heights"]
+    grids, heights = arrays["terrain_grid"], arrays.get("terrain_heights", np.zeros(0))
     shapes = grids[:, :2].astype(int)
     ends = np.cumsum(shapes.prod(axis=1))
+    around: list[list[Box]] = [[] for _ in grids]
+    for number, *box in arrays.get("terrain_boxes", ()):  # segments of before have none
+        around[int(number)].append(box_of(np.array(box)))
     distinct = [
-        Terrain(heights[end - shape.prod() : end].reshape(shape), float(cell), (float(x), float(y)))
-        for shape, end, (cell, x, y) in zip(shapes, ends, grids[:, 2:], strict=True)
+        Terrain(
+            heights[end - shape.prod() : end].reshape(shape),
+            float(cell),
+            (float(x), float(y)),
+            tuple(boxes),
+        )
+        for shape, end, (cell, x, y), boxes in zip(shapes, ends, grids[:, 2:], around, strict=True)
     ]
     return [None if i < 0 else distinct[i] for i in arrays["terrain"].tolist()]
 

@@ -13,6 +13,7 @@ from flywheel.errors import DataError
 from flywheel.evaluation.errors import ErrorTable
 from flywheel.evaluation.pasts import past_at, stacked
 from flywheel.records import Episode, Floats, KnownWinch
+from flywheel.terrain import is_level
 
 Truth = Callable[[Episode], Floats]
 
@@ -26,7 +27,7 @@ BINS: dict[str, Callable[[Episode], str]] = {
     "dataset": lambda episode: episode.provenance.dataset,
     "iteration": lambda episode: str(episode.provenance.iteration),
     "source": lambda episode: episode.provenance.source,
-    "ground": lambda episode: "plane" if episode.terrain is None else "terrain",
+    "ground": lambda episode: "plane" if is_level(episode.terrain) else "terrain",
 }
 
 

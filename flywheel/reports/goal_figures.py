@@ -8,7 +8,8 @@ import textwrap
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Rectangle
+from matplotlib.patches import Circle, Polygon
+from scipy.spatial import ConvexHull
 
 from flywheel.records import Floats
 from flywheel.reports import style
@@ -226,9 +227,9 @@ def _course(series: Series) -> tuple[Box, ...]:
 
 def _obstacles(axes: Axes, boxes: tuple[Box, ...]) -> None:
     for box in boxes:
-        (x, y, _), (width, depth, _) = box.center, box.half_size
-        corner = (x - width, y - depth)
-        axes.add_patch(Rectangle(corner, 2 * width, 2 * depth, color=style.FAINT, zorder=1.8))
+        seen = box.corners[:, :2]
+        outline = seen[ConvexHull(seen).vertices]
+        axes.add_patch(Polygon(outline, color=style.FAINT, zorder=1.8))
 
 
 def _paths(axes: Axes, navigation: Navigation, absolute: bool) -> None:
@@ -254,9 +255,7 @@ def _frame(series: Series, course: tuple[Box, ...]) -> tuple[Floats, float]:
         places = [np.array([*walk.path, walk.goal]) - np.array(walk.path[0]) for walk in walks]
         return np.zeros(2), 1.08 * (room + max(float(np.abs(p).max()) for p in places))
     seen = [np.array([*walk.path, walk.goal]) for walk in walks]
-    boxes = [
-        np.array(b.center[:2]) + s * np.array(b.half_size[:2]) for b in course for s in (-1, 1)
-    ]
+    boxes = [corner[:2] for box in course for corner in box.corners]
     everything = np.concatenate([*seen, boxes])
     low, high = everything.min(axis=0), everything.max(axis=0)
     return (low + high) / 2, 1.04 * (room + float((high - low).max()) / 2)

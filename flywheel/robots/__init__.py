@@ -5,14 +5,15 @@ from importlib.resources import files
 from flywheel.registry import lookup
 from flywheel.robots.added import add_plain, free_name
 from flywheel.robots.bodies import moving_bodies, tracked_site, turn_of
-from flywheel.robots.drawn_terrain import TerrainConfig, draw_terrain
+from flywheel.robots.drawn_terrain import MOST_BOXES, TerrainConfig, draw_terrain
 from flywheel.robots.ground import Ground, collides, ground_of
 from flywheel.robots.mjcf_reader import read_robot
 from flywheel.robots.obstacle_course import COURSES, ObstacleCourse, load_course
 from flywheel.robots.parts import Attachment, Body, Cable, Primitive, TrackedPoint, Winch
 from flywheel.robots.robot import Robot
 from flywheel.robots.symmetries import Symmetries, symmetries_of
-from flywheel.robots.world import GRAVITY, Box
+from flywheel.robots.world import GRAVITY
+from flywheel.terrain import Box
 
 ROBOTS = {"prism3": "prism3.xml", "icosa6": "icosa6.xml", "platform4": "platform4.xml"}
 
@@ -33,6 +34,7 @@ def load_robot(name: str) -> Robot:
 __all__ = [
     "COURSES",
     "GRAVITY",
+    "MOST_BOXES",
     "ROBOTS",
     "Attachment",
     "Body",

@@ -1,4 +1,4 @@
-"""Random ground: slopes, bumps and steps."""
+"""Random ground: slopes, bumps and steps, with given boxes on it."""
 
 from __future__ import annotations
 
@@ -10,13 +10,14 @@ from pydantic import Field, model_validator
 
 from flywheel.quantities import Bounds, PositiveRobotLengths
 from flywheel.records import Floats
-from flywheel.terrain import Terrain
+from flywheel.terrain import Box, Terrain, with_boxes
 from flywheel.validation import Frozen
 
 Kind = Literal["flat", "slope", "bumps", "steps"]
 Range = tuple[PositiveRobotLengths, PositiveRobotLengths]
 Steepness = Annotated[float, Bounds(0, 1.5, "rad", above=True)]  # short of upright
 MOST_CELLS = 2000  # along a side: four million places, of which each episode keeps the heights
+MOST_BOXES = 1000
 MOST_KINDS = 100  # one may be named again, to be drawn more often
 WAVES = 8  # plane waves that make bumps
 
@@ -34,6 +35,7 @@ class TerrainConfig(Frozen):
       step_length: (least, most) distance between steps [L].
       size: of the ground along x and y, around the origin [L]; a slightly lower plane surrounds it.
       cell: of its grid [L].
+      boxes: in every episode [m]; a task adds its own, and only around these do its paths lead.
     """
 
     kinds: tuple[Kind, ...] = Field(default=(), max_length=MOST_KINDS)
@@ -44,6 +46,7 @@ class TerrainConfig(Frozen):
     step_length: Range = (0.8, 2.0)
     size: PositiveRobotLengths = 14.0
     cell: PositiveRobotLengths = 0.1
+    boxes: tuple[Box, ...] = Field(default=(), max_length=MOST_BOXES)
 
     @model_validator(mode="after")
     def _ranges_rise_from_zero(self) -> Self:
@@ -69,7 +72,7 @@ class TerrainConfig(Frozen):
 
 
 def draw_terrain(config: TerrainConfig, length: float, rng: np.random.Generator) -> Terrain | None:
-    """A terrain around the origin, or None for the plane.
+    """A terrain around the origin, or None for the plane alone.
 
     Args:
       config: its distribution.
@@ -78,13 +81,13 @@ def draw_terrain(config: TerrainConfig, length: float, rng: np.random.Generator)
     """
     kind = str(rng.choice(config.kinds)) if config.kinds else "flat"
     if kind == "flat":
-        return None
+        return with_boxes(None, config.boxes)
     count = round(config.size / config.cell) + 1
     side = (np.arange(count) - (count - 1) / 2) * config.cell  # [L]
     x, y = np.meshgrid(side, side, indexing="ij")
     heights = _KINDS[kind](config, x, y, rng)
     corner = float(side[0] * length)
-    return Terrain(heights * length, config.cell * length, (corner, corner))
+    return Terrain(heights * length, config.cell * length, (corner, corner), config.boxes)
 
 
 def _slope(config: TerrainConfig, x: Floats, y: Floats, rng: np.random.Generator) -> Floats:

@@ -13,7 +13,7 @@ from flywheel.errors import RobotError
 from flywheel.registry import lookup
 from flywheel.robots.mjcf_numbers import check_numbers
 from flywheel.robots.mjcf_source import compiled, read_mjcf
-from flywheel.robots.world import Box
+from flywheel.terrain import Box, box_of
 
 COURSES = {"s_course": "s_course.xml", "maze": "maze.xml"}
 GOAL = re.compile(r"goal(\d*)")
@@ -43,7 +43,7 @@ class ObstacleCourse:
         A ground plane is ignored: the robot has its own.
 
         Raises:
-          RobotError: not an MJCF; anything but boxes along the axes; no start; no goal.
+          RobotError: not an MJCF; anything but boxes; no start; no goal.
         """
         _, spec, model = compiled(xml, "course")
         check_numbers(model, "The course")
@@ -84,12 +84,10 @@ def _box(model: mujoco.MjModel, geom: int) -> Box:
         raise RobotError(
             f"Courses have boxes in their world, nothing else; geom {name} is not a box."
         )
-    if not np.allclose(np.abs(model.geom_quat[geom, 0]), 1.0, atol=1e-9):
-        raise RobotError(
-            f"Boxes of a course must be aligned with the axes; geom {name} is rotated."
-        )
-    center, half = model.geom_pos[geom].tolist(), model.geom_size[geom].tolist()
-    return Box(center=tuple(center), half_size=tuple(half))
+    numbers = np.concatenate(
+        [array[geom] for array in (model.geom_pos, model.geom_size, model.geom_quat)]
+    )
+    return box_of(numbers)
 
 
 def _place(position: np.ndarray) -> Place:

@@ -15,10 +15,9 @@ from flywheel.quantities import (
     RobotLengths,
     Weight,
 )
-from flywheel.robots import Box
+from flywheel.robots import MOST_BOXES, Box
 from flywheel.validation import Frozen
 
-MOST_BOXES = 1000
 Range = tuple[PositiveRobotLengths, PositiveRobotLengths]
 
 
@@ -46,6 +45,8 @@ class TaskConfig(Frozen):
       box_half_width: (least, most) of a drawn box [L].
       box_height: of a drawn box [L].
       clearance: of planned paths, between the centre of mass and the boxes [L].
+      headroom: height of a box's underside above z = 0 from which planned paths lead under it [L]. The
+        shipped robots with rods rest 0.7 to 0.8 L high.
       cell: of the grid for paths around boxes [L].
       moves: "diagonal" (8 neighbours) or "manhattan" (4).
     """
@@ -68,6 +69,7 @@ class TaskConfig(Frozen):
     box_half_width: Range = (0.15, 0.35)
     box_height: PositiveRobotLengths = 0.5
     clearance: RobotLengths = 0.5
+    headroom: PositiveRobotLengths = 0.8
     cell: Annotated[float, Bounds(0.001, 10, "L")] = 0.1
     moves: Literal["diagonal", "manhattan"] = "diagonal"
 

@@ -73,14 +73,15 @@ class Broadside:
 class Collision:
     """alpha2 / d of the paper's section 3.3, averaged over the horizon.
 
-    d is the smallest gap between the end caps and the obstacles, in robot lengths.
+    d is the smallest gap between the end caps and the obstacles but ramps, in robot lengths.
     """
 
     weight: float
 
     def __call__(self, points: Floats, task: Task) -> Floats:
         """Cost (B,) of points (B, H + 1, P, 3)."""
-        gaps = gap(points, task.robot, task.obstacles) / task.robot.length
+        walls = tuple(box for box in task.obstacles if not box.tilted)
+        gaps = gap(points, task.robot, walls) / task.robot.length
         return self.weight * (1.0 / np.maximum(gaps, NEAREST)).mean(axis=1)
 
 
@@ -92,7 +93,6 @@ def gap(points: Floats, robot: Robot, boxes: tuple[Box, ...]) -> Floats:
     radii = np.array([point.radius for point in robot.points])
     nearest = np.full(points.shape[:-2], np.inf)
     for box in boxes:
-        beyond = np.abs(points - np.array(box.center)) - np.array(box.half_size)
-        distances = np.linalg.norm(np.maximum(beyond, 0.0), axis=-1) - radii
+        distances = np.linalg.norm(np.maximum(box.beyond(points), 0.0), axis=-1) - radii
         nearest = np.minimum(nearest, distances.min(axis=-1))
     return nearest

@@ -27,7 +27,7 @@ def obstacle_course(
         goals = [_around(goal, robot, rng, config) for goal in course.goals]
         try:
             points = begin.points(start, robot.center_weights)
-            check_start(robot, here, points, course.obstacles)
+            check_start(robot, points, course.obstacles)
             return replace(_through(course, robot, here, goals, config), begin=begin)
         except ConfigError as error:
             why = str(error)

@@ -86,7 +86,7 @@ def grid_around(
 
     Args:
       goal: (2,) [m].
-      boxes: obstacles; their height is ignored, nothing passes over or under them.
+      boxes: obstacles that are not tilted; their height is ignored, nothing passes over or under them.
       low, high: (2,) corners of the ground that the grid covers at least [m].
       cell: side of a cell [m].
       clearance: kept from the boxes [m].
@@ -116,9 +116,13 @@ def near_boxes(places: Floats, boxes: Sequence[Box], clearance: float) -> NDArra
     """(...) bool: True for places (..., 2) within `clearance` [m] of a box, seen from above."""
     near = np.zeros(places.shape[:-1], dtype=bool)
     for box in boxes:
-        beyond = np.abs(places - np.array(box.center[:2])) - np.array(box.half_size[:2])
-        near |= np.linalg.norm(np.maximum(beyond, 0.0), axis=-1) <= clearance
+        near |= np.linalg.norm(np.maximum(box.beside(places), 0.0), axis=-1) <= clearance
     return near
+
+
+def in_the_way(boxes: Sequence[Box], headroom: float) -> list[Box]:
+    """The boxes that paths lead around: neither ramps, nor `headroom` [m] or more above the ground."""
+    return [box for box in boxes if not box.tilted and box.corners[:, 2].min() < headroom]
 
 
 def shortest_ways(free: NDArray[np.bool_], start: tuple[int, int], moves: Moves) -> Floats:

@@ -9,7 +9,7 @@ from flywheel.records import Floats
 from flywheel.robots import Box, Robot
 from flywheel.tasks.config import TaskConfig
 from flywheel.tasks.costs import Arrival, Broadside, Collision, FinalDistance, MeanDistance
-from flywheel.tasks.distance import Grid, StraightLine, grid_around, near_boxes
+from flywheel.tasks.distance import Grid, StraightLine, grid_around, in_the_way, near_boxes
 from flywheel.tasks.task import Distance, Task
 
 ATTEMPTS = 200  # draws of goal and boxes before a course counts as impossible
@@ -31,7 +31,7 @@ def reach_among_boxes(
         goal = drawn_goal(robot, here, rng, config)
         boxes = config.obstacles or _boxes(robot, here, goal, rng, config)
         try:
-            check_start(robot, here, start, boxes)
+            check_start(robot, start, boxes)
             ways = ways_to(goal, here, boxes, robot, config)
             return going("reach_among_boxes", robot, goal, ways, config, boxes)
         except ConfigError as error:
@@ -80,19 +80,17 @@ def drawn_goal(robot: Robot, here: Floats, rng: np.random.Generator, config: Tas
 def ways_to(
     goal: Floats, here: Floats, boxes: tuple[Box, ...], robot: Robot, config: TaskConfig
 ) -> Grid:
-    """Shortest paths around boxes to a goal (2,), on ground that holds all of them [m].
+    """Shortest paths to a goal (2,) around boxes, over ramps and under ceilings, on ground that holds all of
+    them [m].
 
     Raises:
       ConfigError: the goal lies in a box or too close to one, or cannot be reached from `here`.
     """
-    corners = [
-        np.array(b.center[:2]) + s * np.array(b.half_size[:2]) for b in boxes for s in (-1, 1)
-    ]
-    places = np.stack([goal, here, *corners])
+    places = np.stack([goal, here, *(corner[:2] for box in boxes for corner in box.corners)])
     margin = MARGIN * robot.length
     ways = grid_around(
         goal,
-        boxes,
+        in_the_way(boxes, config.headroom * robot.length),
         low=places.min(axis=0) - margin,
         high=places.max(axis=0) + margin,
         cell=config.cell * robot.length,
@@ -122,14 +120,22 @@ def _boxes(
     return tuple(boxes)
 
 
-def check_start(robot: Robot, here: Floats, start: Floats, boxes: tuple[Box, ...]) -> None:
-    """Reject boxes that touch a robot with its centre at (2,) and its points at (P, 3), in any
-    orientation.
+def check_start(robot: Robot, start: Floats, boxes: tuple[Box, ...]) -> None:
+    """Reject boxes that touch a robot with its points at (P, 3), turned about the vertical by any angle.
 
     Raises:
       ConfigError: one does.
     """
-    size = np.linalg.norm(start[:, :2] - here, axis=-1).max()
+    here: Floats = robot.center_weights @ start
+    size = np.linalg.norm(start[:, :2] - here[:2], axis=-1).max()
     radius = max(point.radius for point in robot.points)
-    if near_boxes(here, boxes, size + radius):
+    top = start[:, 2].max() + radius
+    if any(_touches(box, here, size + radius, top) for box in boxes):
         raise ConfigError(f"An obstacle stands within {size + radius:.3g} m of the robot's start.")
+
+
+def _touches(box: Box, here: Floats, reach: float, top: float) -> bool:
+    """True for a box in the upright cylinder of radius `reach` [m] around (3,), below `top` [m]."""
+    if box.tilted:
+        return bool(np.linalg.norm(np.maximum(box.beyond(here), 0.0)) <= reach)
+    return bool(near_boxes(here[:2], [box], reach)) and box.corners[:, 2].min() <= top

@@ -12,7 +12,7 @@ from flywheel.effects import EFFECTS, Scales, Term
 from flywheel.errors import DataError, ModelError
 from flywheel.records import State
 from flywheel.robots import Robot, load_robot, read_robot
-from flywheel.terrain import BRINK, Terrain
+from flywheel.terrain import BRINK, Box, Terrain, is_level, with_boxes
 from tests import draws
 from tests.physics.small_robots import hanging
 
@@ -44,7 +44,7 @@ def raised(plant: Plant, height: float) -> State:
 def test_the_surface_is_where_mujoco_has_it(robot: Robot, seed: int) -> None:
     rng = np.random.default_rng(seed)
     terrain = rough(rng)
-    model = scene(robot, (), terrain).compile()
+    model = scene(robot, terrain).compile()
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     ground = [model.geom("terrain").id, model.geom("ground").id]
@@ -79,11 +79,62 @@ def test_the_highest_ground_of_a_place_is_found(seed: int) -> None:
     assert terrain.highest(low, high) <= terrain.heights.max()
 
 
+def turned_box(rng: np.random.Generator) -> Box:
+    """A box near the origin, in any orientation."""
+    quaternion = rng.standard_normal(4)
+    return Box(
+        center=tuple(rng.uniform(-1.0, 1.0, 3)),
+        half_size=tuple(rng.uniform(0.2, 1.5, 3)),
+        quaternion=tuple(quaternion / np.linalg.norm(quaternion)),
+    )
+
+
+def test_a_box_is_where_mujoco_has_it(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    box, ball = turned_box(rng), hanging()
+    model = scene(ball, with_boxes(None, [box])).compile()
+    data, bob, obstacle = mujoco.MjData(model), model.geom("bob").id, model.geom("obstacle0").id
+    places, outside = rng.uniform(-4.0, 4.0, (60, 3)), 0
+    assert box.beyond(box.corners) == pytest.approx(0.0, abs=1e-9)
+    for place, beyond in zip(places, box.beyond(places), strict=True):
+        data.qpos[:3] = place
+        mujoco.mj_kinematics(model, data)
+        apart = mujoco.mj_geomDistance(model, data, bob, obstacle, 100.0, np.zeros(6))
+        if beyond.max() > 0:
+            outside += 1
+            wanted = np.linalg.norm(np.maximum(beyond, 0.0)) - model.geom_size[bob, 0]
+            assert apart == pytest.approx(wanted, abs=1e-6), seed
+    assert outside > 20
+
+
+def test_boxes_far_away_change_nothing_on_the_plane(robot: Robot) -> None:
+    wall = with_boxes(None, [Box(center=(50.0, 0.0, 1.0), half_size=(1.0, 9.0, 1.0))])
+    assert wall is not None and is_level(wall) and wall.plane == 0.0
+    assert wall.highest(np.zeros(2), np.ones(2)) == 0.0
+    heights, normals = wall.at(np.ones((4, 2)))
+    assert not heights.any() and (normals == [0.0, 0.0, 1.0]).all()
+    controls = np.full((1, 30, 6), 0.1)
+    plain, walled = (
+        Plant(robot, terrain=terrain).simulate(Plant(robot).rest(), controls).observations.points
+        for terrain in (None, wall)
+    )
+    np.testing.assert_array_equal(plain, walled)
+
+
+def test_a_box_without_a_rotation_is_refused() -> None:
+    with pytest.raises(ValueError, match="length of 1"):
+        Box(center=(0, 0, 0), half_size=(1, 1, 1), quaternion=(0.5, 0.5, 0.0, 0.0))
+
+
 def test_equal_numbers_are_equal_terrains(seed: int) -> None:
     one, other = (rough(np.random.default_rng(seed)) for _ in range(2))
     assert one == other and hash(one) == hash(other) and one is not other
     assert one != Terrain(one.heights + 1e-9, one.cell, one.origin)
     assert one != Terrain(one.heights, one.cell, (one.origin[0] + 0.1, one.origin[1]))
+    box = turned_box(np.random.default_rng(seed))
+    assert with_boxes(one, [box]) == with_boxes(other, [box]) != one
+    assert with_boxes(with_boxes(one, [box]), [box]) == with_boxes(one, [box])
+    assert with_boxes(one, []) is one and with_boxes(None, []) is None
 
 
 @pytest.mark.parametrize(

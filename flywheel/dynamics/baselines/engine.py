@@ -21,6 +21,7 @@ from flywheel.dynamics.plant.roll import rest_lengths
 from flywheel.errors import ModelError
 from flywheel.records import Floats, Past, Rollout, State
 from flywheel.robots import Robot
+from flywheel.terrain import is_level
 from flywheel.validation import Frozen
 
 # Least, usual and largest value of each of `ContactNumbers`.
@@ -142,7 +143,7 @@ class RigidBodyEngine:
 
     def ground(self, past: Past) -> Ground | None:
         """The ground of a past; None for none."""
-        if not self.robot.grounded and not any(past.terrains):
+        if not self.robot.grounded and all(map(is_level, past.terrains)):
             return None
         return ground_of(past.terrains)
 

@@ -268,7 +268,7 @@ def _with_pulls(plant: Plant, movable: bool) -> mujoco.MjModel:
     Args:
       movable: without MuJoCo's optimisation for bodies whose centre of mass never moves.
     """
-    spec = scene(plant.robot, plant.obstacles, plant.terrain)
+    spec = scene(plant.robot, plant.terrain)
     strip_visuals(spec)
     for tendon in list(spec.tendons):
         add_plain(

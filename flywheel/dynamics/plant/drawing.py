@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from flywheel.records import Floats
-from flywheel.robots import Box, Robot
+from flywheel.robots import Robot
 from flywheel.terrain import Terrain
 
 GHOST = np.array([0.98, 0.55, 0.10, 0.55])
@@ -24,13 +24,11 @@ class Scenery:
     """Surroundings of a robot in a picture.
 
     Attributes:
-      obstacles: boxes.
       goal: (2,) or None [m].
       goal_radius: of the goal's disc [m]; None: half the robot's length.
-      terrain: under the robot; None for the MJCF's ground.
+      terrain: ground and boxes around the robot; None for the MJCF's ground alone.
     """
 
-    obstacles: tuple[Box, ...] = ()
     goal: Floats | None = None
     goal_radius: float | None = None
     terrain: Terrain | None = None

@@ -55,7 +55,7 @@ class LiveView:
     def __init__(self, robot: Robot, scenery: Scenery) -> None:
         _check_display()
         self._robot, self._scenery = robot, scenery
-        self._model = scene(robot, scenery.obstacles, scenery.terrain).compile()
+        self._model = scene(robot, scenery.terrain).compile()
         self._data = mujoco.MjData(self._model)
         self._frames: queue.SimpleQueue[_Frame | None] = queue.SimpleQueue()
         others = set(threading.enumerate())

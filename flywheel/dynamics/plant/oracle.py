@@ -16,7 +16,7 @@ class PlantDynamics:
     """MuJoCo started from the plant's own full state.
 
     Attributes:
-      plant: parameters, obstacles and threads for the prediction; the past gives the terrain.
+      plant: parameters and threads for the prediction; the past gives the terrain.
     """
 
     plant: Plant

@@ -15,7 +15,7 @@ from flywheel.dynamics.plant.world import scene
 from flywheel.effects import Terms
 from flywheel.errors import ModelError
 from flywheel.records import Floats, Observation, State, Trajectory
-from flywheel.robots import Box, Robot
+from flywheel.robots import Robot
 from flywheel.robots.mujoco_warnings import collected_warnings
 from flywheel.terrain import Terrain
 
@@ -38,9 +38,8 @@ class Plant:
       robot: the robot.
       dt: control step [s], a multiple of the robot's own timestep.
       parameters: one set for all simulations, or one for each of the batch.
-      obstacles: boxes to collide with.
       threads: simulations stepped at the same time.
-      terrain: replaces the robot's ground plane.
+      terrain: replaces the robot's ground plane, with the boxes to collide with.
 
     Attributes:
       terms: permanent effects; see `EffectivePlant`.
@@ -56,13 +55,12 @@ class Plant:
         robot: Robot,
         dt: float = 0.01,
         parameters: PlantParameters | Sequence[PlantParameters] = NOMINAL,
-        obstacles: Sequence[Box] = (),
         threads: int = 1,
         terrain: Terrain | None = None,
     ) -> None:
         self.robot, self.dt, self.threads = robot, dt, threads
         self.parameters = parameters
-        self.obstacles, self.terrain = tuple(obstacles), terrain
+        self.terrain = terrain
         if (steps := robot.control_steps(dt)) != (dt,):
             raise ModelError(
                 f"dt {dt:g} s must be a multiple of the timestep of {robot.name}, {robot.timestep:g} s: "
@@ -76,7 +74,7 @@ class Plant:
 
     def arguments(self) -> tuple[Any, ...]:
         """Arguments of `Plant` after the robot."""
-        return self.dt, self.parameters, self.obstacles, self.threads, self.terrain
+        return self.dt, self.parameters, self.threads, self.terrain
 
     def on(self, terrain: Terrain | None) -> Plant:
         """The same plant on another ground; itself if that is its own."""
@@ -86,7 +84,7 @@ class Plant:
 
     def _compile(self) -> None:
         robot = self.robot
-        base = scene(robot, self.obstacles, self.terrain).compile()
+        base = scene(robot, self.terrain).compile()
         base.opt.disableflags |= DISABLED
         every = self.parameters
         sets = [every] if isinstance(every, PlantParameters) else list(every)

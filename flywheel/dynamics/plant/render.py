@@ -55,7 +55,7 @@ ABOVE = Shot(
 
 def usual_shot(scenery: Scenery) -> Shot:
     """Default format of a video."""
-    return ABOVE if scenery.obstacles else PLAIN
+    return ABOVE if scenery.terrain and scenery.terrain.boxes else PLAIN
 
 
 def render_episode(
@@ -138,7 +138,7 @@ def render_frames(
     """The frames (height, width, 3) uint8 that `render_episode` writes; arguments as there."""
     _check(robot, states, scenery, ghosts)
     shot = shot or usual_shot(scenery)
-    model = scene(robot, scenery.obstacles, scenery.terrain).compile()
+    model = scene(robot, scenery.terrain).compile()
     model.vis.global_.offwidth = max(model.vis.global_.offwidth, shot.size[0])
     model.vis.global_.offheight = max(model.vis.global_.offheight, shot.size[1])
     data = mujoco.MjData(model)

@@ -38,7 +38,7 @@ class RestartedPlant:
     rotation about it; its rate is zero.
 
     Attributes:
-      plant: parameters, obstacles and threads for the prediction; the past gives the terrain. All
+      plant: parameters and threads for the prediction; the past gives the terrain. All
         bodies must be free.
       window: past steps in the fit; 1 is the finite difference. More resists noise and missing
         points: if too few are known, a point is assumed to rest at its last known position.

@@ -1,8 +1,6 @@
-"""The scene: the robot's MJCF plus obstacles and terrain."""
+"""The scene: the robot's MJCF plus terrain and boxes."""
 
 from __future__ import annotations
-
-from collections.abc import Sequence
 
 import mujoco
 import numpy as np
@@ -10,7 +8,7 @@ import numpy as np
 from flywheel.errors import ModelError
 from flywheel.robots import Box, Ground, Robot, add_plain, free_name, ground_of
 from flywheel.robots.integrators import INTEGRATORS
-from flywheel.terrain import Terrain
+from flywheel.terrain import Terrain, is_level
 
 BOX_COLOR = (0.55, 0.50, 0.46, 1.0)
 BASE = 0.5  # thickness of a terrain below its lowest place [m]
@@ -22,10 +20,8 @@ CONTACT = (  # what MuJoCo makes a contact of, besides shapes
 PAIRED = ("condim", "friction", "solref", "solreffriction", "solimp", "margin", "gap", "adhesion")
 
 
-def scene(
-    robot: Robot, obstacles: Sequence[Box] = (), terrain: Terrain | None = None
-) -> mujoco.MjSpec:
-    """The robot's MJCF with the obstacles and the terrain, with the ground's contact parameters.
+def scene(robot: Robot, terrain: Terrain | None = None) -> mujoco.MjSpec:
+    """The robot's MJCF with the terrain and its boxes, with the ground's contact parameters.
 
     Without a ground in the MJCF they have MuJoCo's defaults. They are part of the same contact pairs.
 
@@ -34,13 +30,13 @@ def scene(
     """
     spec = mujoco.MjSpec.from_string(robot.xml)
     spec.option.timestep, spec.option.integrator = robot.timestep, INTEGRATORS[robot.integrator]
-    if not obstacles and terrain is None:
+    if terrain is None:
         return spec
     model = spec.compile()
     ground = ground_of(model)
     plane = None if ground is None else _geom(spec, ground.geom)
-    added = [_add_box(spec, box, number) for number, box in enumerate(obstacles)]
-    if terrain is not None:
+    added = [_add_box(spec, box, number) for number, box in enumerate(terrain.boxes)]
+    if not is_level(terrain):
         if ground is None or plane is None or not ground.level:
             raise ModelError(
                 f"A terrain takes the place of a level ground plane, which {robot.name} does not have."
@@ -79,6 +75,7 @@ def _add_box(spec: mujoco.MjSpec, box: Box, number: int) -> mujoco.MjsGeom:
         name=free_name(f"obstacle{number}", spec.geoms),
         type=mujoco.mjtGeom.mjGEOM_BOX,
         pos=box.center,
+        quat=box.quaternion,
         size=box.half_size,
         rgba=BOX_COLOR,
     )

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from flywheel.records import Floats, Trajectory
 from flywheel.robots import Robot
-from flywheel.terrain import Terrain
+from flywheel.terrain import Terrain, is_level
 
 FREE_POSITIONS, FREE_VELOCITIES = 7, 6
 
@@ -102,7 +102,7 @@ def knots_of(
     places = points[:, ::every]
     radius = np.array([point.radius for point in robot.points])
     height = places[..., 2] - ground_below(terrains, places) - radius
-    if not robot.grounded and not any(terrains):
+    if not robot.grounded and all(map(is_level, terrains)):
         height = np.full_like(height, units.length)
     L, speed = units.length, units.speed
     arrays = (

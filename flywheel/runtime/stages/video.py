@@ -16,7 +16,7 @@ from flywheel.runtime.workers.episode_plan import EpisodePlan, evaluation, robot
 from flywheel.runtime.workers.episode_recorder import EpisodeRecorder, RobotRecorder
 from flywheel.smoothing import savitzky_golay
 from flywheel.tasks import Task
-from flywheel.terrain import Terrain
+from flywheel.terrain import Terrain, with_boxes
 
 FPS = 20
 SPEED = 4  # times real time
@@ -26,7 +26,7 @@ SMOOTHED = 0.1  # length of the parabolas that take noise out of measured points
 
 def scenery_of(task: Task, terrain: Terrain | None) -> Scenery:
     """The obstacles, goal and ground around the robot in a task."""
-    return Scenery(task.obstacles, task.last_goal, task.tolerance, terrain)
+    return Scenery(task.last_goal, task.tolerance, with_boxes(terrain, task.obstacles))
 
 
 def _hastened(plans: Plans | None, times: float) -> Plans | None:

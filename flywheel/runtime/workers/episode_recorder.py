@@ -33,7 +33,7 @@ from flywheel.robots import Robot, draw_terrain
 from flywheel.runtime.config.run_config import RunConfig, config_digest
 from flywheel.runtime.workers.episode_plan import ORACLE, Effects, EpisodePlan
 from flywheel.tasks import Task, TaskConfig, sample_task
-from flywheel.terrain import Terrain
+from flywheel.terrain import Terrain, is_level, with_boxes
 
 SETTLE_SECONDS = 2.0
 RECORDING = "recording"  # source and data set of what a robot measured
@@ -193,9 +193,8 @@ class EpisodeRecorder(_Recorder):
             self.robot,
             self.config.network.dt,
             parameters=self.config.datasets[dataset].plant,
-            obstacles=() if task is None else task.obstacles,
             threads=threads or self.config.sim_threads,
-            terrain=terrain,
+            terrain=terrain if task is None else with_boxes(terrain, task.obstacles),
         )
         return with_effects(refined(plant, fineness), self.terms(effects))
 
@@ -279,7 +278,7 @@ class EpisodeRecorder(_Recorder):
         state = self._settled_state(plan.dataset, plan.plant_effects)
         if task is not None and task.begin is not None:
             state = standing(plant, state, task.begin.place, task.begin.turn)
-        if plant.terrain is None:
+        if is_level(plant.terrain):
             return state
         return plant.settle(SETTLE_SECONDS, start=above_ground(plant, state))
 

@@ -6,8 +6,10 @@ import numpy as np
 
 from flywheel.data import SplitSource, TrajectoryStore, WindowCache
 from flywheel.data.packing import SCHEMA, pack, unpack
-from flywheel.terrain import Terrain
+from flywheel.terrain import Box, Terrain, with_boxes
 from tests import draws
+
+BESIDE = Box(center=(0.0, 9.0, 1.0), half_size=(9.0, 0.5, 1.0))
 
 
 def terrain(rng: np.random.Generator) -> Terrain:
@@ -18,24 +20,36 @@ def terrain(rng: np.random.Generator) -> Terrain:
 def test_they_come_back_as_they_were(make_episode):
     rng = np.random.default_rng(draws.seed())
     first, second = terrain(rng), terrain(rng)
-    grounds = [first, None, second, first]
+    wall = Box(center=(1.0, 2.0, 3.0), half_size=(0.1, 0.2, 0.3), quaternion=(0.6, 0.0, 0.8, 0.0))
+    walled = with_boxes(second, [wall, BESIDE])
+    grounds = [
+        first,
+        None,
+        second,
+        first,
+        walled,
+        with_boxes(None, [wall]),
+        with_boxes(first, [wall]),
+    ]
     episodes = [
         dataclasses.replace(make_episode(f"e{i}"), terrain=t) for i, t in enumerate(grounds)
     ]
     arrays, attributes = pack(episodes)
-    assert len(arrays["terrain_grid"]) == 2  # each once
+    assert len(arrays["terrain_grid"]) == 5  # each once
     assert [episode.terrain for episode in unpack(arrays, attributes)] == grounds
 
 
 def test_segments_on_the_plane_are_what_they_always_were(make_episode):
     arrays, attributes = pack([make_episode("a")])
     assert attributes["schema"] == SCHEMA and "terrain" not in arrays
+    hill = dataclasses.replace(make_episode("b"), terrain=terrain(np.random.default_rng(0)))
+    assert "terrain_boxes" not in pack([hill])[0]
     assert unpack(arrays, attributes)[0].terrain is None
 
 
 def test_windows_know_what_they_stand_on(tmp_path, make_episode, prism3):
     rng = np.random.default_rng(draws.seed())
-    grounds = {"a": terrain(rng), "b": None, "c": terrain(rng)}
+    grounds = {"a": terrain(rng), "b": None, "c": with_boxes(None, [BESIDE])}
     store = TrajectoryStore(tmp_path / "store")
     for name, ground in grounds.items():
         store.commit(name, [dataclasses.replace(make_episode(name, steps=20), terrain=ground)])

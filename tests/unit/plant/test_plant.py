@@ -7,6 +7,7 @@ from flywheel.dynamics.plant import Plant, PlantParameters
 from flywheel.errors import ModelError
 from flywheel.records import State
 from flywheel.robots import Box, Robot, load_robot, read_robot
+from flywheel.terrain import with_boxes
 from tests.physics.small_robots import hanging
 
 
@@ -130,7 +131,7 @@ def test_a_state_that_is_not_finite_is_an_error(robot: Robot) -> None:
 def test_boxes_are_in_the_way() -> None:
     robot = hanging(z=2.0, rest=2.5)
     free, blocked = (
-        Plant(robot, obstacles=boxes)
+        Plant(robot, terrain=with_boxes(None, boxes))
         for boxes in ((), (Box(center=(0, 0, 0.5), half_size=(0.4, 0.4, 0.5)),))
     )
     fall = np.zeros((1, 200, 1))

@@ -8,6 +8,7 @@ from flywheel.dynamics.plant import Plant, Scenery, Shot, render_episode, render
 from flywheel.errors import DataError
 from flywheel.records import Plans, State
 from flywheel.robots import Box, Robot, load_robot
+from flywheel.terrain import with_boxes
 from tests.full_disk import complaints, files_end_at
 
 SMALL = Shot(size=(160, 96))
@@ -52,7 +53,11 @@ def test_goal_boxes_and_predictions_are_seen(robot: Robot, states: State) -> Non
     ghosts = Plant(robot).observe(states[-2:]).points + [0.0, 0.0, 1.0]
     for extra in (
         {"scenery": Scenery(goal=np.array([-1.0, 0.5]))},
-        {"scenery": Scenery((Box(center=(-1.5, 0, 0.5), half_size=(0.3, 0.3, 0.5)),))},
+        {
+            "scenery": Scenery(
+                terrain=with_boxes(None, [Box(center=(-1.5, 0, 0.5), half_size=(0.3, 0.3, 0.5))])
+            )
+        },
         {"ghosts": ghosts},
     ):
         changed = np.abs(last(**extra) - plain).max(axis=-1) > 20
@@ -81,7 +86,11 @@ def test_walls_around_the_robot_do_not_hide_it(robot: Robot, states: State) -> N
 
     def moved(shot: Shot | None) -> float:
         first, last = (
-            next(render_frames(robot, states[[i]], Scenery(walls), shot=shot)).astype(int)
+            next(
+                render_frames(
+                    robot, states[[i]], Scenery(terrain=with_boxes(None, walls)), shot=shot
+                )
+            ).astype(int)
             for i in (0, -1)
         )
         return float((np.abs(first - last).max(axis=-1) > 20).mean())

@@ -10,7 +10,7 @@ from flywheel.effects import EFFECTS, Term
 from flywheel.errors import ModelError
 from flywheel.records import State
 from flywheel.robots import Box, Robot, load_robot, read_robot
-from flywheel.terrain import Terrain
+from flywheel.terrain import Terrain, with_boxes
 from tests.physics.small_robots import hanging
 
 DEEP, ABOVE = 0.003, 0.005  # where a ball begins: in the ground, or above one that attracts it [m]
@@ -79,7 +79,9 @@ def contacts(robot: Robot, height: float, **around) -> tuple[list[tuple[float, .
 
 
 @pytest.mark.parametrize("ground", GROUNDS)
-@pytest.mark.parametrize("around", [{"obstacles": (PLATE,)}, {"terrain": FLAT}], ids="-".join)
+@pytest.mark.parametrize(
+    "around", [{"terrain": with_boxes(None, [PLATE])}, {"terrain": FLAT}], ids=["box", "terrain"]
+)
 def test_an_obstacle_and_a_terrain_touch_as_the_ground_does(ground: str, around: dict) -> None:
     robot = standing(ground)
     wanted, falling = contacts(robot, 0.0)
@@ -94,7 +96,7 @@ def test_without_a_ground_an_obstacle_has_mujocos_own_numbers() -> None:
     xml = standing("slippery").xml
     start = xml.index('<geom name="ground"')
     robot = read_robot(xml[:start] + xml[xml.index("/>", start) + 2 :])
-    spec = scene(robot, (PLATE,))
+    spec = scene(robot, with_boxes(None, [PLATE]))
     box, own = spec.geoms[0], mujoco.MjSpec().worldbody.add_geom()
     assert box.type == mujoco.mjtGeom.mjGEOM_BOX
     for name in ("contype", "conaffinity", "priority", "condim", "margin"):

@@ -2,10 +2,17 @@ import heapq
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from flywheel.errors import ConfigError
 from flywheel.robots import Box
-from flywheel.tasks.distance import StraightLine, grid_around, near_boxes, shortest_ways
+from flywheel.tasks.distance import (
+    StraightLine,
+    grid_around,
+    in_the_way,
+    near_boxes,
+    shortest_ways,
+)
 from tests import draws
 
 
@@ -127,6 +134,21 @@ def test_an_enclosed_place_reaches_nothing_but_has_a_finite_distance() -> None:
     assert not grid.reaches(np.zeros(2))
     assert grid.reaches(np.array([-3.0, 0.0]))
     assert np.isfinite(grid(np.zeros(2)))
+
+
+def test_paths_lead_around_turned_walls_over_ramps_and_under_ceilings() -> None:
+    def box(height: float, axis: str, degrees: float) -> Box:
+        turned = Rotation.from_euler(axis, degrees, degrees=True).as_quat(scalar_first=True)
+        return Box(center=(0, 0, height), half_size=(4, 0.2, 0.5), quaternion=tuple(turned))
+
+    wall, ramp, ceiling = box(0.5, "z", 45.0), box(0.0, "y", 20.0), box(3.0, "z", 0.0)
+    assert in_the_way([wall, ramp, ceiling], headroom=2.0) == [wall]
+    assert in_the_way([wall, ramp, ceiling], headroom=2.6) == [wall, ceiling]
+    on_its_side = box(0.5, "x", 90.0)
+    assert not on_its_side.tilted
+    places = np.array([[2.0, 2.0], [2.0, -2.0], [3.0, 3.2], [0.0, 0.45], [0.0, 0.55]])
+    assert near_boxes(places, [wall], 0.0).tolist() == [True, False, False, False, False]
+    assert near_boxes(places, [on_its_side], 0.0).tolist() == [False, False, False, True, False]
 
 
 def test_near_boxes_rounds_the_corners() -> None:
