@@ -195,8 +195,8 @@ class PlainForward:
     def _present(self, name: str, touching: Tensor, edges: Tensor) -> Tensor:
         if name != "contact":
             return edges.new_ones(len(edges), 1)
-        node = self.graph.relations[name].origin % self.graph.body_count
-        return touching[node].t().reshape(-1, 1)
+        contact = self.graph.relations[name].origin % self.graph.contact_count
+        return touching[contact].t().reshape(-1, 1)
 
     # --- decoders -------------------------------------------------------------------------------
 

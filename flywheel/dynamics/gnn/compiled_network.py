@@ -114,7 +114,7 @@ def _relations(graph: RobotGraph) -> tuple[_Relation, ...]:
                 starts=np.array([int(e[0]) if len(e) else 0 for e in here]),
                 stops=np.array([int(e[-1]) + 1 if len(e) else 0 for e in here]),
                 senders=relation.senders.numpy(),
-                node=(relation.origin % graph.body_count if name == "contact" else none).numpy(),
+                node=(relation.origin % graph.contact_count if name == "contact" else none).numpy(),
                 which=(winch if name == "cable" else none).numpy(),
                 receivers=to,
             )

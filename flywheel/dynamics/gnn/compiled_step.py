@@ -131,12 +131,12 @@ class _Features(torch.autograd.Function):
         ground: Ground,
     ) -> tuple[Tensor, ...]:
         layout, samples = step.layout, frames.shape[-1]
-        seen, height = _seen(step, frames, velocities, sides, origin, ground)
+        seen, height, away = _seen(step, frames, velocities, sides, origin, ground)
         vectors, speeds, heading, normal, nodes = _arrays(
             seen.vectors, seen.speeds, seen.heading, seen.normal, seen.nodes
         )
         body = torch.empty(step.shown, step.count, samples)
-        touching = torch.empty(step.count, samples)
+        touching = torch.cat([torch.empty(step.count, samples), (away < layout.near).float()])
         features.of_nodes(
             layout, vectors, speeds, heading, height.numpy(), normal, *_arrays(body, touching)
         )
@@ -146,7 +146,8 @@ class _Features(torch.autograd.Function):
         ended = _arrays(seen.end_places, seen.end_speeds, rest)
         features.of_cables(layout, nodes, *ended, heading, cable.numpy())
         contact = torch.empty(8, len(layout.contacts), samples)
-        features.of_contacts(layout, speeds, heading, normal, body.numpy(), contact.numpy())
+        gap = torch.cat([body[3], away.clamp(max=layout.clamp)]) if len(away) else body[3]
+        features.of_contacts(layout, speeds, heading, normal, *_arrays(gap, contact))
         pair = torch.empty(3, len(step.pairs[0]), samples)
         features.of_pairs(*step.pairs, nodes, heading, pair.numpy())
         anchor = torch.empty(4, len(step.anchored[0]), samples)
@@ -154,7 +155,7 @@ class _Features(torch.autograd.Function):
         anchor[3] = torch.linalg.vector_norm(anchor[:3], dim=0)
         upward = torch.empty(3, 1, samples)
         features.turn(normal, layout.first, heading, upward.numpy(), 0, 0)
-        ctx.step, ctx.seen, ctx.loaded = step, seen, loaded
+        ctx.step, ctx.seen, ctx.loaded, ctx.near = step, seen, loaded, away < layout.clamp
         ctx.save_for_backward(body, cable, anchor)
         ctx.mark_non_differentiable(touching, upward)
         return body, cable, contact, pair, anchor, touching, upward
@@ -173,9 +174,14 @@ class _Features(torch.autograd.Function):
         vectors, speeds, heading, normal, nodes, g_h = _arrays(
             seen.vectors, seen.speeds, seen.heading, seen.normal, seen.nodes, g_heading
         )
+        count, g_gap = step.count, torch.zeros_like(seen.normal[0])
         features.of_contacts_adjoint(
-            layout, g_contact.numpy(), speeds, heading, normal, *_arrays(g_body, g_speeds), g_h
+            layout, g_contact.numpy(), speeds, heading, normal, *_arrays(g_gap, g_speeds), g_h
         )
+        g_body[3] += g_gap[:count]
+        if len(ctx.near):
+            moved = seen.normal[:, count:] * g_gap[count:] * ctx.near
+            g_vectors[:, :count] += moved.unflatten(1, (-1, count)).sum(1)
         features.of_pairs_adjoint(*step.pairs, g_pair.numpy(), nodes, heading, g_nodes.numpy(), g_h)
         if len(step.anchored[0]):
             g_way = g_anchor[:3] + g_anchor[3] * anchor[:3] / anchor[3]
@@ -212,8 +218,10 @@ def _seen(
     sides: Tensor | None,
     origin: Tensor,
     ground: Ground,
-) -> tuple[_Seen, Tensor]:
-    """Places and velocities of nodes and ends, and (N, K) the height of the ground [m]."""
+) -> tuple[_Seen, Tensor, Tensor]:
+    """Places and velocities of nodes and ends, (N, K) the height of the ground, and distances ((k - 1) N, K)
+    from each node's surface to the nearest boxes [m].
+    """
     graph, samples, count = step.graph, frames.shape[-1], step.count
     vectors, speeds = torch.matmul(step.maps, frames), velocities.contiguous()
     heading = torch.empty(2, samples)
@@ -222,6 +230,12 @@ def _seen(
         height, normal = ground(vectors[:2, :count] + origin[:, None])
     else:
         height, normal = torch.zeros(1, 1), torch.zeros(3, 1, 1)
+    normal, away = normal.expand(3, count, samples), torch.zeros(0, samples)
+    if graph.robot.grounded and step.config.surfaces > 1:
+        places = torch.cat([vectors[:2, :count] + origin[:, None], vectors[2:, :count]])
+        far, beside = ground.nearest(places, step.config.surfaces - 1)
+        away = (far - graph.radius).flatten(0, 1)
+        normal = torch.cat([normal, beside.flatten(1, 2)], dim=1)
     anchors = graph.anchors_from(origin, samples)
     nodes = torch.cat([vectors[:, :count], anchors], dim=1)
     places, moving = nodes, torch.cat([speeds, torch.zeros_like(anchors)], dim=1)
@@ -238,12 +252,21 @@ def _seen(
         ends.upright(*_arrays(axes, sides, unit))
         ends.beside(step.ends, *_arrays(axes, unit, across))
         ends.complete(step.ends, *_arrays(axes, turning, across, places, moving))
-    shape = count, samples
-    normal = normal.expand(3, *shape).contiguous()
     seen = _Seen(
-        vectors, speeds, heading, normal, nodes, places, moving, sides, axes, unit, across, turning
+        vectors,
+        speeds,
+        heading,
+        normal.contiguous(),
+        nodes,
+        places,
+        moving,
+        sides,
+        axes,
+        unit,
+        across,
+        turning,
     )
-    return seen, height.expand(shape).contiguous()
+    return seen, height.expand(count, samples).contiguous(), away
 
 
 @dataclass(frozen=True)
@@ -446,7 +469,9 @@ def _layout(parts: Parts) -> features.Layout:
         ends=cable.origin.numpy(),
         stiffness=_float(graph.stiffness[:, 0]),
         damping=_float(graph.damping[:, 0]),
-        contacts=np.zeros(0, np.int64) if contact is None else contact.origin.numpy() % count,
+        contacts=np.zeros(0, np.int64)
+        if contact is None
+        else contact.origin.numpy() % graph.contact_count,
         signs=np.zeros(0, np.float32) if contact is None else _float(contact.constants[:, 0]),
     )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import model_validator
+from pydantic import SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from flywheel.quantities import Bounds, ControlStep, PositiveRobotLengths
 from flywheel.validation import Frozen
@@ -43,6 +43,8 @@ class NetworkConfig(Frozen):
         messages and updates.
       layer_norm: normalise the encoded latents, and the nodes' after each round.
       contact_edges: connect nodes near the ground with it; else only their distance is an input.
+      surfaces: to which each node has contact edges: 1 is the ground below alone, more are the nearest boxes,
+        too.
       contact_threshold: distance below which there is a contact edge, as a fraction of the robot's
         length.
       ground_clamp: largest ground distance in a node's features, likewise.
@@ -74,6 +76,7 @@ class NetworkConfig(Frozen):
     mlp_layers: Annotated[int, Bounds(2, 32)] = 2
     layer_norm: bool = False
     contact_edges: bool = True
+    surfaces: Annotated[int, Bounds(1, 8)] = 1
     contact_threshold: PositiveRobotLengths = 0.1
     ground_clamp: PositiveRobotLengths = 0.2
     yaw_frame: bool = True
@@ -94,6 +97,18 @@ class NetworkConfig(Frozen):
                 f"{self.chunk} and {self.cable_ends}"
             )
         return self
+
+    @model_validator(mode="after")
+    def _edges_to_surfaces(self) -> Self:
+        if self.surfaces > 1 and not self.contact_edges:
+            raise ValueError(f"surfaces {self.surfaces} need contact_edges true; got false")
+        return self
+
+    @model_serializer(mode="wrap")
+    def _as_before_boxes(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Without `surfaces` if it is 1: networks that see no boxes keep their digests."""
+        values: dict[str, Any] = handler(self)
+        return values if self.surfaces > 1 else {k: v for k, v in values.items() if k != "surfaces"}
 
     @classmethod
     def lean(cls, **changes: Any) -> NetworkConfig:

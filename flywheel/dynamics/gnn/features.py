@@ -96,7 +96,8 @@ class GraphFeatures:
       nodes: changing features (F, M, K) of "body_node", "anchor_node", "ground_node".
       edges: changing features (F, E, K) of "body", "cable", "contact".
       controls: (W, K, h + n) past and future controls in units of their range.
-      touching: (N, K) 1 for a body node within contact distance of the ground, else 0.
+      touching: (N k, K) 1 for a body node within contact distance of the ground, then of the nearest box, and
+        so on; else 0. k is `surfaces`.
       dataset: (K,) or (1,) index of the data set.
     """
 
@@ -131,7 +132,8 @@ class _Ends:
 
 @dataclass(frozen=True)
 class _View:
-    """A state in the axes of the features; (3, N, K) each but the clearance (N, K) and anchors.
+    """A state in the axes of the features; (3, N, K) each but the clearance (N k, K) from each of k surfaces,
+    their normals (3, N k, K), and anchors.
 
     `ends` is None if cables end at nodes. `loads` are the nodes' accelerations by cables and gravity; None if
     they are not shown.
@@ -175,7 +177,7 @@ class FeatureBuilder:
         self._ends = sender, sender ^ 1
         if "contact" in graph.relations:
             relation = graph.relations["contact"]
-            self._contact = relation.origin % self._count, relation.constants
+            self._contact = relation.origin % graph.contact_count, relation.constants
 
     def heading(self, state: MechanicalState) -> Tensor | None:
         """(2, K) cos and sin of the robot's heading; None if features are in world axes."""
@@ -282,22 +284,33 @@ class FeatureBuilder:
         return _Ends(places, self._attachments.velocities(state.frames, across, state.velocities))
 
     def _clearance(self, nodes: Tensor, origin: Tensor, ground: Ground) -> tuple[Tensor, Tensor]:
-        """(N, K) distance from each node's surface to the ground, and the ground's normal there."""
+        """Distances (N k, K) of the nodes from the ground and the nearest boxes, and normals (3, N k, K)."""
         if not self._graph.robot.grounded:
             none = torch.zeros_like(nodes[2])
             return none, none.expand(3, -1, -1)
         height, normal = ground(nodes[:2] + origin[:, None])
         clearance = (nodes[2] - height) * normal[2] - self._graph.radius
-        return clearance, normal.expand(3, -1, nodes.shape[-1])
+        if self._config.surfaces == 1:
+            return clearance, normal.expand(3, -1, nodes.shape[-1])
+        places = torch.cat([nodes[:2] + origin[:, None], nodes[2:]])
+        away, beside = ground.nearest(places.detach(), self._config.surfaces - 1)
+        moved = ((places - places.detach())[:, None] * beside).sum(
+            0
+        )  # zero; the distance's gradient
+        more = (away + moved - self._graph.radius).flatten(0, 1)
+        return torch.cat([clearance, more]), torch.cat(
+            [normal.expand_as(nodes), beside.flatten(1, 2)], dim=1
+        )
 
     def _node_features(self, view: _View) -> Tensor:
-        parts = [view.velocities, self._seen(view.clearance)]
+        clearance = view.clearance[: self._count]
+        parts = [view.velocities, self._seen(clearance)]
         if self._config.config_features:
             place = view.nodes - view.nodes[:, self._first, None]
             parts += [place, _norm(place), view.arms, view.axes]
         if view.loads is not None:
             # What the ground bears lies within millimetres: too little to be seen beside the clearance.
-            parts += [torch.asinh(view.clearance / (DEPTH * self._length))[None], view.loads]
+            parts += [torch.asinh(clearance / (DEPTH * self._length))[None], view.loads]
         return torch.cat(parts)
 
     def _seen(self, clearance: Tensor) -> Tensor:
@@ -336,8 +349,9 @@ class FeatureBuilder:
     def _contact_features(self, view: _View) -> Tensor:
         """Features of contact edges, both ways, in the relation's order; vectors point to the receiver."""
         body, sign = self._contact
-        speed = (view.velocities * view.normal).sum(0, keepdim=True)
-        slide = view.velocities - speed * view.normal
+        velocities = view.velocities.repeat(1, self._config.surfaces, 1)
+        speed = (velocities * view.normal).sum(0, keepdim=True)
+        slide = velocities - speed * view.normal
         normal = view.normal.expand_as(slide)
         clearance = self._seen(view.clearance)
         vectors = torch.cat([normal, slide])[:, body] * sign

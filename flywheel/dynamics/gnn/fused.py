@@ -50,7 +50,7 @@ class FusedForward:
         samples = features.controls.shape[1]
         nodes, memory = self._encode_nodes(features, memory)
         edges = self._encode_edges(features)
-        touching = features.touching.float()[:, None, :, None]
+        touching = features.touching.float()[None, :, :, None]
         messages: dict[str, Tensor] = {}
         for number, weights in enumerate(self.packed.rounds):
             final = number == len(self.packed.rounds) - 1
@@ -179,7 +179,7 @@ class FusedForward:
             if ends:
                 continue
             if name == "contact":
-                message = message * (touching.transpose(0, 1) if route.family else touching)
+                message = message * (touching if route.family else _by_node(touching, route.degree))
             summed = message.sum(1) if route.degree > 1 else message.squeeze(1)
             sums[route.family] = _add(sums[route.family], summed, weights.sum_parts[name], route)
         updated = [self._update(weights, s, r) for s, r in zip(sums, families, strict=True)]
@@ -256,6 +256,11 @@ def _add(sums: Tensor, messages: Tensor, weight: Tensor, route: Route) -> Tensor
     spread = sums.view(-1, samples, sums.shape[-1])
     added = (flat @ weight).view(-1, samples, sums.shape[-1])
     return spread.index_add(0, route.within_family, added).view_as(sums)
+
+
+def _by_node(touching: Tensor, degree: int) -> Tensor:
+    """(N, d, K, 1) of possible contacts (1, d N, K, 1), which are ordered by surface."""
+    return touching.unflatten(1, (degree, -1))[0].transpose(0, 1)
 
 
 def _decode(rows: Tensor, layers: tuple[Layer, ...]) -> Tensor:

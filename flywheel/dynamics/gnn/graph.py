@@ -2,8 +2,8 @@
 
 Nodes are numbered body nodes first, then anchors, then the ground. Every edge has a sender and a
 receiver; each cable and each pair of nodes of one body is an edge in both directions, and so is
-each possible contact of a body node with the ground. Contact edges are candidates: a mask selects
-the active ones at every prediction, so that all shapes are fixed.
+each possible contact of a body node with a surface: the ground's node stands for all of them. Contact
+edges are candidates: a mask selects the active ones at every prediction, so that all shapes are fixed.
 """
 
 from __future__ import annotations
@@ -127,6 +127,11 @@ class RobotGraph:
         return len(self.nodes)
 
     @property
+    def contact_count(self) -> int:
+        """Possible contacts: of all body nodes with the ground, then with the nearest box, and so on."""
+        return self.body_count * self.config.surfaces
+
+    @property
     def families(self) -> list[tuple[int, int]]:
         """Numbers [start, stop) of the body nodes, and of anchors and ground if there are any."""
         still = [(self.body_count, self.count)] if self.count > self.body_count else []
@@ -227,11 +232,12 @@ class RobotGraph:
         return self._relation("cable", senders, receivers, standardised(np.array(rows)))
 
     def _contact_relation(self) -> Relation:
-        """Ground to node and node to ground; the constant is +1 where the body node receives."""
+        """Surface to node and node to surface; the constant is +1 where the body node receives."""
         if self.ground < 0:
             return self._relation("contact", [], [], np.zeros((0, 1)))
-        bodies, ground = list(range(self.body_count)), [self.ground] * self.body_count
-        sign = np.repeat([[1.0], [-1.0]], self.body_count, axis=0)
+        count, nodes = self.contact_count, range(self.body_count)
+        bodies, ground = [*nodes] * self.config.surfaces, [self.ground] * count
+        sign = np.repeat([[1.0], [-1.0]], count, axis=0)
         return self._relation("contact", ground + bodies, bodies + ground, sign)
 
     def anchor_at(self, end: Attachment) -> int:

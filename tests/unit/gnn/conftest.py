@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from flywheel.dynamics.gnn import ChunkNetwork, NetworkConfig
 from flywheel.robots import Robot, load_robot
+from flywheel.terrain import Box
 from tests import draws
 
 
@@ -26,6 +27,21 @@ class Window:
 
     def arguments(self) -> tuple[torch.Tensor, ...]:
         return (self.past_points, self.past_controls, self.past_winch, self.controls, self.dataset)
+
+
+def boxes_around(seed: int) -> tuple[Box, ...]:
+    """Three, in any orientation, where bodies fly."""
+    rng = np.random.default_rng(seed)
+    quaternions = Rotation.random(3, random_state=rng).as_quat(scalar_first=True)
+    return tuple(
+        Box(center=tuple(center), half_size=tuple(half), quaternion=tuple(quaternion))
+        for center, half, quaternion in zip(
+            rng.normal(0, 1.5, (3, 3)) + [0, 0, 2.0],
+            rng.uniform(0.2, 1.0, (3, 3)),
+            quaternions,
+            strict=True,
+        )
+    )
 
 
 def fly(robot: Robot, seed: int, samples: int, steps: int, dt: float, spin: float) -> np.ndarray:

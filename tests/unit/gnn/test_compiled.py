@@ -13,6 +13,7 @@ from flywheel.dynamics.gnn.fused import FusedForward
 from flywheel.dynamics.gnn.ground import flat_ground, ground_of
 from flywheel.dynamics.gnn.step import TorchStep
 from flywheel.terrain import Terrain
+from tests.unit.gnn.conftest import boxes_around
 
 WIDTH = 16
 CONFIGS = {
@@ -29,14 +30,22 @@ CONFIGS = {
     "with a learned winch": NetworkConfig.lean(width=WIDTH, winch="learned"),
     "with an analytic winch": NetworkConfig.lean(width=WIDTH, winch="analytic"),
     "of one step": NetworkConfig.lean(width=WIDTH, chunk=1),
+    "beside boxes": NetworkConfig.lean(
+        width=WIDTH, surfaces=3, contact_threshold=0.5, ground_clamp=1.0
+    ),
 }
 CASES = [("prism3", name) for name in CONFIGS]
-CASES += [("icosa6", "lean"), ("platform4", "lean"), ("platform4", "with cables between nodes")]
+CASES += [
+    ("icosa6", "beside boxes"),
+    ("icosa6", "lean"),
+    ("platform4", "lean"),
+    ("platform4", "with cables between nodes"),
+]
 
 
 def hills(seed):
     heights = 0.3 * np.random.default_rng(seed).random((9, 9))
-    return ground_of([Terrain(heights, 1.0, (-4.0, -4.0))])
+    return ground_of([Terrain(heights, 1.0, (-4.0, -4.0), boxes_around(seed))])
 
 
 def gradients(simulator, network, window, ground):

@@ -5,8 +5,10 @@ import dataclasses
 import pytest
 import torch
 
-from flywheel.dynamics.gnn import NetworkConfig, Simulator
+from flywheel.dynamics.gnn import NetworkConfig, Simulator, ground_of
 from flywheel.dynamics.gnn.fused import FusedForward
+from flywheel.terrain import with_boxes
+from tests.unit.gnn.conftest import boxes_around
 
 WIDTH = 16
 CONFIGS = {
@@ -28,6 +30,8 @@ CONFIGS = {
     "lean, sixteen steps": NetworkConfig.lean(width=WIDTH, chunk=16),
     "lean without past controls": NetworkConfig.lean(width=WIDTH, control_history=0),
     "lean, deep": NetworkConfig.lean(width=WIDTH, mlp_layers=4, rounds=1),
+    "lean beside boxes": NetworkConfig.lean(width=WIDTH, surfaces=3, contact_threshold=0.5),
+    "paper beside boxes": NetworkConfig.paper(width=WIDTH, surfaces=2, contact_threshold=0.5),
     "paper in the robot's axes": NetworkConfig.paper(width=WIDTH, yaw_frame=True),
 }
 
@@ -57,7 +61,8 @@ def one_call(robot, config, network, window):
         steps = config.control_history + config.chunk
         ramp = torch.linspace(-1.0, 1.0, len(robot.winches) * len(window.dataset) * steps)
         controls = ramp.view(len(robot.winches), len(window.dataset), steps)
-        features = parts.builder(state, start.origin, heading, controls, window.dataset)
+        ground = ground_of([with_boxes(None, boxes_around(0))])
+        features = parts.builder(state, start.origin, heading, controls, window.dataset, ground)
         predictions.append(forward(features, memory))
     return predictions
 

@@ -36,8 +36,9 @@ class Layout(NamedTuple):
       senders, receivers: (E,) nodes of each cable edge.
       ends: (E,) the cable's end at the sender; the other one is its neighbour.
       stiffness, damping: (E,) of each cable edge.
-      contacts: (E,) body node of each contact edge.
-      signs: (E,) 1 where that node receives, else -1.
+      contacts: (E,) possible contact of each contact edge; of the N body nodes with the ground, then with the
+        nearest box, and so on.
+      signs: (E,) 1 where the body node receives, else -1.
     """
 
     turning: int
@@ -138,7 +139,8 @@ def of_nodes(
       vectors: (3, 3 N, K) places of the nodes, their arms and axes.
       speeds: (3, N, K) velocities of the nodes [m/s].
       h: heading.
-      height, normal: (N, K), (3, N, K) of the ground below; a normal of 0 stands for no ground.
+      height, normal: (N, K), (3, N, K) of the ground below; a normal of 0 stands for no ground. More normals
+        are not used.
       out, touching: outputs.
     """
     count, samples = speeds.shape[1], speeds.shape[2]
@@ -361,22 +363,31 @@ def of_pairs_adjoint(
 
 
 @compiled
-def of_contacts(lay: Layout, speeds: F, h: F, normal: F, node_out: F, out: F) -> None:
-    """Features (8, E, K) of the contact edges; `node_out` are those of the body nodes."""
+def of_contacts(lay: Layout, speeds: F, h: F, normal: F, gap: F, out: F) -> None:
+    """Features (8, E, K) of the contact edges.
+
+    Args:
+      lay: constants.
+      speeds: (3, N, K) velocities of the nodes [m/s].
+      h: heading.
+      normal, gap: (3, C, K), (C, K) of the surface of each possible contact, and the clearance from it [m].
+      out: output.
+    """
     v = np.empty((3, 2, h.shape[1]), np.float32)
     for e in range(len(lay.contacts)):
-        n = lay.contacts[e]
+        c = lay.contacts[e]
+        n = c % speeds.shape[1]
         for k in range(h.shape[1]):
-            out[0, e, k] = node_out[3, n, k]
-            out[7, e, k] = _contact(n, lay.signs[e], speeds, normal, v, k)
+            out[0, e, k] = gap[c, k]
+            out[7, e, k] = _contact(c, n, lay.signs[e], speeds, normal, v, k)
         turn(v, 0, h, out, 1, e)
         turn(v, 1, h, out, 4, e)
 
 
 @compiled
-def _contact(n: int, sign: float, speeds: F, normal: F, v: F, k: int) -> float:
-    """Speed away from the ground; in `v` the normal and the sliding velocity, towards the receiver."""
-    nx, ny, nz = normal[0, n, k], normal[1, n, k], normal[2, n, k]
+def _contact(c: int, n: int, sign: float, speeds: F, normal: F, v: F, k: int) -> float:
+    """Speed away from the surface; in `v` the normal and the sliding velocity, towards the receiver."""
+    nx, ny, nz = normal[0, c, k], normal[1, c, k], normal[2, c, k]
     speed = speeds[0, n, k] * nx + speeds[1, n, k] * ny + speeds[2, n, k] * nz
     v[0, 0, k], v[1, 0, k], v[2, 0, k] = sign * nx, sign * ny, sign * nz
     v[0, 1, k] = sign * (speeds[0, n, k] - speed * nx)
@@ -387,21 +398,22 @@ def _contact(n: int, sign: float, speeds: F, normal: F, v: F, k: int) -> float:
 
 @compiled
 def of_contacts_adjoint(
-    lay: Layout, g_out: F, speeds: F, h: F, normal: F, g_node_out: F, g_speeds: F, g_h: F
+    lay: Layout, g_out: F, speeds: F, h: F, normal: F, g_gap: F, g_speeds: F, g_h: F
 ) -> None:
-    """Adjoint of `of_contacts`; the ground's normal is constant."""
+    """Adjoint of `of_contacts`; the surfaces' normals are constant."""
     v, g = np.empty((3, 2, h.shape[1]), np.float32), np.empty((3, 2, h.shape[1]), np.float32)
     for e in range(len(lay.contacts)):
-        n, sign = lay.contacts[e], lay.signs[e]
+        c, sign = lay.contacts[e], lay.signs[e]
+        n = c % speeds.shape[1]
         for k in range(h.shape[1]):
-            _contact(n, sign, speeds, normal, v, k)
+            _contact(c, n, sign, speeds, normal, v, k)
         g[:] = ZERO
         turn_adjoint(g_out, 1, e, v, 0, h, g, g_h)
         turn_adjoint(g_out, 4, e, v, 1, h, g, g_h)
         for k in range(h.shape[1]):
-            nx, ny, nz = normal[0, n, k], normal[1, n, k], normal[2, n, k]
+            nx, ny, nz = normal[0, c, k], normal[1, c, k], normal[2, c, k]
             into = g_out[7, e, k] - sign * (g[0, 1, k] * nx + g[1, 1, k] * ny + g[2, 1, k] * nz)
-            g_node_out[3, n, k] += g_out[0, e, k]
+            g_gap[c, k] += g_out[0, e, k]
             g_speeds[0, n, k] += sign * g[0, 1, k] + into * nx
             g_speeds[1, n, k] += sign * g[1, 1, k] + into * ny
             g_speeds[2, n, k] += sign * g[2, 1, k] + into * nz

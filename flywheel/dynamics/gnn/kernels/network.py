@@ -103,8 +103,8 @@ def pass_messages(
     Args:
       starts, stops: (M,) range of each receiver's edges.
       senders: (E,) their senders.
-      node: (E,) body node at whose contact with the ground an edge acts, -1 for one that always acts.
-      touching: (N, K) 1 where a node touches the ground.
+      node: (E,) possible contact that an edge is, -1 for one that always acts.
+      touching: (C, K) 1 where a node touches the surface.
       parts: (M', K, C, H) the nodes' parts: senders' in `column`, receivers' in the next one.
       column: see `parts`.
       edges: (E, K, L, H) the edges' parts in `layer`; become the messages.
