@@ -15,7 +15,10 @@ from flywheel.robots.mjcf_numbers import check_numbers
 from flywheel.robots.mjcf_source import compiled, read_mjcf
 from flywheel.terrain import Box, box_of
 
-COURSES = {"s_course": "s_course.xml", "maze": "maze.xml"}
+COURSES = {
+    name: f"{name}.xml"
+    for name in ("s_course", "maze", "incline", "corridor", "low_clearance", "composite")
+}
 GOAL = re.compile(r"goal(\d*)")
 Place = tuple[float, float]
 
