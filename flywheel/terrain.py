@@ -88,8 +88,8 @@ def box_numbers(boxes: Sequence[Box]) -> NDArray[np.float64]:
 
 def box_of(numbers: NDArray[np.floating]) -> Box:
     """The box of a row (10,) of `box_numbers`."""
-    row = tuple(map(float, numbers))
-    return Box(center=row[:3], half_size=row[3:6], quaternion=row[6:])
+    x, y, z, along, across, up, w, i, j, k = map(float, numbers)
+    return Box(center=(x, y, z), half_size=(along, across, up), quaternion=(w, i, j, k))
 
 
 @dataclass(frozen=True, eq=False)

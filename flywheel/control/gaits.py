@@ -36,6 +36,8 @@ PATTERNS = {
     "ccw": Pattern(((1, 1, 1, 0, 1, 1), (1, 0, 1, 0, 1, 1), (0, 0, 0, 0, 0, 0)), 1.0, 1.0),
 }
 
+TURNING = ("cw", "ccw")
+
 # The robot looks the same from three sides: caps on the ground -> which target each cable takes.
 SIDES: dict[tuple[int, ...], tuple[int, ...]] = {
     (0, 2, 5): (0, 1, 2, 3, 4, 5),
@@ -88,7 +90,7 @@ class Gait:
     ) -> None:
         if pattern not in PATTERNS:
             raise ConfigError(f"There is no gait {pattern!r}. Known: {', '.join(PATTERNS)}.")
-        _refuse_other_robots(robot)
+        refuse_other_robots(robot)
         self.robot, self.dt, self.cycles, self.variation = robot, dt, cycles, variation
         self.name = f"gait:{pattern}"
         self.pattern = PATTERNS[pattern]
@@ -141,6 +143,25 @@ class Gait:
         return Reach(self.robot, self.pattern, np.clip(wanted + off, 0, 1), self.dt)
 
 
+def turning(robot: Robot, shape: tuple[int, ...], hold: int, rng: np.random.Generator) -> Floats:
+    """Plans (K, S, W) of rest lengths [m] that turn the robot: each a gait that turns, on any of its sides.
+
+    Each of a gait's targets lasts for `hold` knots; plans begin anywhere in the cycle.
+
+    Raises:
+      ConfigError: another kind of robot.
+    """
+    refuse_other_robots(robot)
+    sides = np.unique([*SIDES.values()], axis=0)
+    plans = np.empty(shape)
+    for plan in plans:
+        pattern = PATTERNS[TURNING[rng.integers(len(TURNING))]]
+        targets = np.array(pattern.targets)[:, sides[rng.integers(len(sides))]]
+        number = (np.arange(shape[1]) + rng.integers(hold * len(targets))) // hold
+        plan[:] = pattern.shortest + pattern.range * targets[number % len(targets)]
+    return plans
+
+
 class Reach:
     """Brings all cables to one target's lengths.
 
@@ -187,7 +208,12 @@ class Reach:
         return (off < TOLERANCE) | beyond | slack | at_the_end
 
 
-def _refuse_other_robots(robot: Robot) -> None:
+def refuse_other_robots(robot: Robot) -> None:
+    """Check that a robot has prism3's caps and winches.
+
+    Raises:
+      ConfigError: it does not.
+    """
     ends = [
         tuple(sorted(end.point for end in robot.cables[winch.cables[0]].ends))
         for winch in robot.winches

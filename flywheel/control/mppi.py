@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flywheel.control.gaits import refuse_other_robots, turning
 from flywheel.control.knots import Knots
 from flywheel.control.mppi_config import MppiConfig
 from flywheel.control.protocol import Command
@@ -32,13 +33,15 @@ class Mppi:
       model: digest of the model's weights, or "".
 
     Raises:
-      ConfigError: the model's dt does not divide the configured times.
+      ConfigError: the model's dt does not divide the configured times, or the robot has no gaits.
     """
 
     def __init__(
         self, dynamics: Dynamics, config: MppiConfig, name: str = "mppi", model: str = ""
     ) -> None:
         self.dynamics, self.config, self.name, self.model = dynamics, config, name, model
+        if config.turning:
+            refuse_other_robots(dynamics.robot)
         steps = config.steps(dynamics.dt)
         self._act_steps = steps["replan_seconds"]
         count = -(-steps["horizon_seconds"] // steps["knot_seconds"])
@@ -112,11 +115,15 @@ class Mppi:
         kept = plan[None] if self._elites is None else np.concatenate([plan[None], self._elites])
         kept = kept[: config.samples]
         left = config.samples - len(kept)
-        fresh = round(config.fresh * left)
-        noisy = smooth_noise((left - fresh, *plan.shape), config.smoothness, self._rng)
+        fresh, turns = round(config.fresh * left), round(config.turning * left)
+        turns = min(turns, left - fresh)  # both may be rounded up
+        noisy = smooth_noise((left - fresh - turns, *plan.shape), config.smoothness, self._rng)
         hold = max(1, round(config.fresh_seconds / config.knot_seconds))
         steps = strokes((fresh, *plan.shape), hold, self._rng)
-        drawn = np.concatenate([kept, low + range_ * steps, plan + noise * range_ * noisy])
+        parts = [kept, low + range_ * steps, plan + noise * range_ * noisy]
+        if turns:
+            parts.append(turning(robot, (turns, *plan.shape), hold, self._rng))
+        drawn = np.concatenate(parts)
         return np.clip(drawn, robot.rest_low, robot.rest_high)
 
     def _rollout(self, past: Past, controls: Floats) -> Rollout:

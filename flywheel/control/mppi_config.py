@@ -32,6 +32,8 @@ class MppiConfig(Frozen):
       fresh: fraction of the samples that do not start from the plan: every winch strokes to an end
         or to the middle of its range.
       fresh_seconds: duration of such a stroke [s].
+      turning: fraction of the samples that follow one of prism3's gaits that turn, cw or ccw; their costs
+        decide whether turning pays.
       device: of a network's predictions; "cuda" for a GPU, on which plants are not simulated. Part of
         the result: sums are rounded differently.
       precision: of a network's matrix products on the processor. "auto" is bfloat16 where the
@@ -53,6 +55,7 @@ class MppiConfig(Frozen):
     elites: Annotated[int, Bounds(0, 10_000)] = 2
     fresh: Share = 0.4
     fresh_seconds: HorizonSeconds = 1.5
+    turning: Share = 0.0
     device: Device = "cpu"
     precision: Precision = "auto"
 
@@ -67,6 +70,15 @@ class MppiConfig(Frozen):
             raise ValueError(
                 f"replan_seconds ({self.replan_seconds}) is the executed part of a plan of "
                 f"horizon_seconds ({self.horizon_seconds}); it cannot be longer"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _draws_all_samples_once(self) -> Self:
+        if self.fresh + self.turning > 1:
+            raise ValueError(
+                f"fresh and turning are shares of the same samples, at most 1 together; got {self.fresh} and "
+                f"{self.turning}"
             )
         return self
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flywheel.control import MppiConfig, refuse_fixed
-from flywheel.control.gaits import Gait
+from flywheel.control.gaits import Gait, refuse_other_robots
 from flywheel.dynamics.gnn import check_device
 from flywheel.dynamics.plant import Plant, Reckoning
 from flywheel.dynamics.plant.law_checks import check_laws
@@ -161,6 +161,12 @@ def _kinds(config: RunConfig, robot: Robot) -> Iterator[Misfit]:
             f"collect.gaits={collect.gaits}",
             "0",
             lambda: _refuse_gaits(config, robot),
+        ),
+        (
+            config.mppi.turning,
+            f"mppi.turning={config.mppi.turning}",
+            "0",
+            lambda: refuse_other_robots(robot),
         ),
         (collect.drops, f"collect.drops={collect.drops}", "0", fixed),
         (config.task.name == "obstacle_course", "task.name=obstacle_course", "reach", fixed),

@@ -5,9 +5,13 @@ import pytest
 from pydantic import ValidationError
 
 from flywheel.control import Mppi, MppiConfig
+from flywheel.control.gaits import turning
+from flywheel.control.knots import Knots
 from flywheel.control.mppi import smooth_noise, softmin, strokes
+from flywheel.dynamics.plant import Plant, PlantDynamics
 from flywheel.errors import ConfigError, ModelError
 from flywheel.records import Observation, Past, Rollout
+from flywheel.robots import load_robot
 from flywheel.tasks import Task
 from tests import draws
 
@@ -92,6 +96,31 @@ def test_strokes_stay_for_as_long_as_they_are_held() -> None:
     assert (changes.sum(axis=1) <= 3).all()
     assert not (changes[:, :-1] & changes[:, 1:]).any()
     assert strokes((0, 8, 3), 3, np.random.default_rng(0)).shape == (0, 8, 3)
+
+
+def test_gaits_that_turn_are_among_the_candidates_and_turn_the_robot() -> None:
+    prism3, rng = load_robot("prism3"), np.random.default_rng(draws.seed())
+    plans = turning(prism3, (12, 18, 6), 3, rng)
+    assert (np.diff(plans, axis=1) != 0).any(axis=2).sum(axis=1).max() <= 6
+    plant = Plant(prism3)
+    knots, lying = Knots(prism3, plant.dt, 50, 18), plant.settle(4.0)
+    winch = plant.observe(lying).winch[0]
+    points = plant.simulate(lying, knots.controls(winch, plans)).observations.points
+    along = points[:, [0, -1], 1, :2] - points[:, [0, -1], 0, :2]
+    before, after = np.moveaxis(np.arctan2(along[..., 1], along[..., 0]), 1, 0)
+    assert np.abs(np.angle(np.exp(1j * (after - before)))).max() > 0.3
+    with pytest.raises(ConfigError, match="gaits are for prism3"):
+        Mppi(PlantDynamics(Plant(load_robot("platform4"))), MppiConfig(turning=0.1))
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3])
+def test_a_share_of_the_samples_turns(share: float) -> None:
+    prism3 = load_robot("prism3")
+    mppi = Mppi(PlantDynamics(Plant(prism3)), MppiConfig(turning=share, fresh=0.5))
+    middle = np.full((mppi.knots.count, 6), (prism3.rest_low + prism3.rest_high) / 2)
+    candidates = mppi._candidates(middle, 0.3)
+    held = (np.diff(candidates[-14:], axis=1) == 0).all(axis=2).any(axis=1)
+    assert len(candidates) == 48 and held.all() == (share > 0) and held.any() == (share > 0)
 
 
 def test_it_brings_the_gantry_to_its_goal(gantry, task: Task, past: Past) -> None:
@@ -227,6 +256,7 @@ def test_times_that_the_model_cannot_step_are_refused(gantry) -> None:
         {"samples": 0},
         {"smoothness": 1.0},
         {"fresh": 1.5},
+        {"fresh": 0.6, "turning": 0.5},
         {"horizon_seconds": 0.5, "replan_seconds": 1.0},
         {"sigma": 1.0},
     ],

@@ -88,6 +88,8 @@ def test_drops_are_turned_any_way_alike(plant: Plant) -> None:
 class Ground:
     """Ground of which it is asked how high it is; it remembers where."""
 
+    heights = np.ones((2, 2))
+
     def __post_init__(self) -> None:
         self.asked: list[np.ndarray] = []
 
