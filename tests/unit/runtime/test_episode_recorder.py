@@ -11,7 +11,7 @@ from flywheel.dynamics.plant import PlantDynamics, PlantParameters
 from flywheel.effects import WrittenTerm
 from flywheel.errors import DataError
 from flywheel.records import Floats, Past, Rollout
-from flywheel.robots import TerrainConfig, load_course, load_robot
+from flywheel.robots import Box, TerrainConfig, load_course, load_robot
 from flywheel.runtime.config.run_config import CollectConfig, DataSet, EvaluateConfig, RunConfig
 from flywheel.runtime.workers.episode_plan import EpisodePlan, collection, unseen, unseen_ceiling
 from flywheel.runtime.workers.episode_recorder import EpisodeRecorder
@@ -172,6 +172,18 @@ def test_episodes_begin_and_stay_on_their_own_ground(kind: str, controller: str)
     lowest = gaps.min(axis=1)
     assert lowest.min() > -0.1, seed  # caps sink into an edge that they lie across
     assert lowest[-1] < 0.1, seed
+
+
+def test_boxes_of_the_run_and_of_a_task_stand_in_its_episodes() -> None:
+    wall = Box(center=(30.0, 0.0, 1.0), half_size=(1.0, 5.0, 1.0))
+    terrain, course = TerrainConfig(boxes=(wall,)), load_course("maze")
+    config = RunConfig(terrain=terrain, task=TaskConfig(name="obstacle_course", course="maze"))
+    recorder = EpisodeRecorder(config, load_robot(config.model))
+    dropped = recorder.record(EpisodePlan("one", "drop", 0, "train", 0.1, seed=1), None, "")
+    assert dropped.terrain is not None and dropped.terrain.boxes == (wall,)
+    plan = EpisodePlan("two", "mppi", 0, "test", 0.1, seed=1, task_seed=1)
+    plant = recorder.plant(0, task=recorder.task(plan), terrain=recorder.terrain(plan))
+    assert plant.terrain is not None and plant.terrain.boxes == (wall, *course.obstacles)
 
 
 def test_a_task_has_the_same_ground_whoever_plans_for_it() -> None:

@@ -9,6 +9,7 @@ from flywheel.errors import ConfigError, UnknownNameError
 from flywheel.robots import Box, Robot
 from flywheel.tasks import TaskConfig, sample_task
 from flywheel.tasks.costs import Broadside, Collision, FinalDistance, MeanDistance, gap
+from flywheel.tasks.reach import check_start
 from tests import draws
 
 
@@ -158,6 +159,37 @@ def test_an_obstacle_on_the_start_is_refused(robot: Robot, start: np.ndarray) ->
     box = Box(center=(0.0, 0.0, 1.0), half_size=(1.0, 1.0, 1.0))
     with pytest.raises(ConfigError, match="of the robot's start"):
         drawn(robot, start, "reach_among_boxes", obstacles=(box,))
+
+
+@pytest.mark.parametrize(
+    ("box", "stands"),
+    [
+        (Box(center=(0, 0, 9), half_size=(3, 3, 0.5)), False),  # a ceiling
+        (Box(center=(0, 0, 1), half_size=(3, 3, 0.5)), True),
+        (
+            Box(center=(1.5, 0, 0), half_size=(3, 3, 0.5), quaternion=(0.96, 0, -0.28, 0)),
+            True,
+        ),  # a ramp
+        (Box(center=(9, 0, 0), half_size=(3, 3, 0.5), quaternion=(0.96, 0, -0.28, 0)), False),
+    ],
+)
+def test_a_robot_starts_under_a_ceiling_and_before_a_ramp_but_in_neither(robot, start, box, stands):
+    if stands:
+        with pytest.raises(ConfigError, match="of the robot's start"):
+            check_start(robot, start, (box,))
+    else:
+        check_start(robot, start, (box,))
+
+
+def test_touching_a_ramp_costs_nothing(robot: Robot, start: np.ndarray) -> None:
+    wall = Box(center=(0, 0, 0), half_size=(1, 1, 1))
+    ramp = wall.model_copy(update={"quaternion": (0.8, 0.0, -0.6, 0.0)})
+    task = drawn(robot, start)
+    cost = [
+        Collision(3.0)(still(start), dataclasses.replace(task, obstacles=(b,)))
+        for b in (wall, ramp)
+    ]
+    assert cost[0] > 0 and cost[1] == 0
 
 
 def test_unknown_tasks_and_wrong_starts_are_refused(robot: Robot, start: np.ndarray) -> None:
