@@ -8,6 +8,8 @@ import shlex
 import signal
 import subprocess
 import sys
+import uuid
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -168,3 +170,29 @@ def first_run(stranger: Stranger) -> tuple[str, str]:
 def plain_run(stranger: Stranger) -> tuple[str, str]:
     """What the README's run without a robot prints, at smoke size."""
     return stranger.run("flywheel run configs/prism3.yaml", 900)
+
+
+@pytest.fixture(scope="module")
+def service() -> Iterator[str]:
+    """Address of an S3-compatible service of our own, on a free port."""
+    moto = pytest.importorskip("moto.server")
+    server = moto.ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
+    server.start()
+    host, port = server.get_host_and_port()
+    yield f"http://{host}:{port}"
+    server.stop()
+
+
+@pytest.fixture
+def bucket(service: str, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """Place in a new bucket of that service, which is that of this process and its children."""
+    s3fs = pytest.importorskip("s3fs")
+    monkeypatch.setenv("AWS_ENDPOINT_URL", service)
+    monkeypatch.setenv("AWS_ACCESS_KEY_ID", "test")
+    monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "test")
+    monkeypatch.setenv("AWS_DEFAULT_REGION", "us-east-1")
+    s3fs.S3FileSystem.clear_instance_cache()
+    name = f"episodes-{uuid.uuid4().hex}"
+    s3fs.S3FileSystem().mkdir(name)
+    yield f"s3://{name}/run"
+    s3fs.S3FileSystem.clear_instance_cache()

@@ -82,7 +82,7 @@ def main() -> None:
     parser.add_argument("--folder", type=Path, help="of the results; runs/tables/TABLE by default")
     parser.add_argument("--address", help="of an existing Ray cluster")
     parser.add_argument("--tracking-uri", default="", help="of an MLflow server")
-    given = parser.parse_args()
+    given = parser.parse_intermixed_args()
     try:
         config = read_table(given.table, given.size, given.overrides)
         name = f"{config.name}-{given.size}" if given.size else config.name

@@ -39,7 +39,8 @@ class DataSets:
     def __init__(self, table: TableConfig, robot: str, folder: Path) -> None:
         self.table, self.config = table, table.config(robot)
         self.robot = load_robot(self.config.model)
-        self.store = TrajectoryStore(str(folder / robot / "store"))
+        place = self.config.store
+        self.store = TrajectoryStore(f"{place}/{robot}" if place else str(folder / robot / "store"))
         self.recorder = EpisodeRecorder(self.config, self.robot)
         self.winches = EpisodeWinches(self.robot)
         self._contents: dict[str, str] = {}

@@ -26,6 +26,7 @@ from flywheel.evaluation import HISTORY_SECONDS, ErrorTable, score, score_full
 from flywheel.records import Episode, Split
 from flywheel.runtime.config.run_config import RunConfig, config_digest
 from flywheel.runtime.pool.heartbeat import Worker
+from flywheel.runtime.pool.lock import hold
 from flywheel.runtime.workers.episode_plan import EpisodePlan
 from flywheel.training import Trainer
 from flywheel.training.baselines import FITS
@@ -104,7 +105,9 @@ class TableWorker(Worker):
         trainer = Trainer(
             training, config.network, data.robot, caches[0], caches[1], self._place(cell)
         )
-        weights = trainer.run(self._progress).weights
+        # A worker whose node was lost lives on for some seconds.
+        with hold(self._place(cell) / "trainer.lock", f"The model {cell.name}", 60.0):
+            weights = trainer.run(self._progress).weights
         return LearnedDynamics(data.robot, load_weights(weights, data.robot))
 
     def _fitted(self, cell: Cell, method: Method, train: Snapshot) -> Dynamics:

@@ -17,6 +17,7 @@ ROOT = Path(__file__).parents[2]
 KINDS = {
     "trainer": r"train-",
     "MPPI worker": r"i\d{4}-mppi-(coll|eval)|oracle-",
+    "cell of a table": r"prism3\.nominal\.",
     "sim worker": r"i0000-(gait|random|drop)-|i\d{4}-control|score-|overlay-",
 }
 

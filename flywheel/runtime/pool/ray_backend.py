@@ -230,6 +230,8 @@ class RayBackend:
         actor = ray.remote(
             num_cpus=group.cpus,
             num_gpus=group.gpus,
+            memory=1,  # [bytes]; actors that book nothing are placed at random, several on one node
+            scheduling_strategy="SPREAD",
             max_restarts=0,
             max_task_retries=0,
             concurrency_groups={"status": 1},

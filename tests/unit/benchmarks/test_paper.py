@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks import tables
+from benchmarks.paper.__main__ import main
 from benchmarks.paper.datasets import RATES, DataSets
 from benchmarks.paper.definition import SIZES, TABLES, Cell, read_table, table_names
 from benchmarks.paper.rows import CellRow, left_out_table, page, result_table, spread
@@ -68,6 +69,23 @@ def test_a_table_that_cannot_be_made_is_refused(override: str, message: str) -> 
         read_table("sim2sim", "smoke", [override])
 
 
+def test_trajectories_may_be_elsewhere_and_numbers_are_the_same(tmp_path: Path) -> None:
+    here = read_table("sim2sim", "smoke")
+    there = read_table("sim2sim", "smoke", [f"run.store={tmp_path / 's'}"])
+    assert DataSets(here, "icosa6", tmp_path).store.url == str(tmp_path / "icosa6" / "store")
+    assert DataSets(there, "icosa6", tmp_path).store.url == str(tmp_path / "s" / "icosa6")
+    cell = here.cells()[0]
+    assert settings_digest(here, cell) == settings_digest(there, cell)
+
+
+def test_settings_may_stand_after_options(monkeypatch, capsys) -> None:
+    told = ["paper_table.py", "sim2sim", "--only", "nothing", "run.mppi.samples=2"]
+    monkeypatch.setattr("sys.argv", told)
+    with pytest.raises(SystemExit, match="2"):
+        main()
+    assert "No cell of the table sim2sim has nothing in its name" in capsys.readouterr().err
+
+
 def test_a_tested_trajectory_is_not_trained_on_under_another_name(tmp_path: Path) -> None:
     data = DataSets(read_table("components", "smoke", ["seconds=[0.6, 0.6]"]), "prism3", tmp_path)
     tested = next(plan for plan in data.plans if plan.split == "test")
@@ -105,6 +123,7 @@ def test_a_table_is_made_once_and_shown(tmp_path: Path) -> None:
     learned = {row.method: row.learned for row in rows}
     assert learned["network"] == pytest.approx(2 * learned["arx"] - 2 * 0.5)
     assert "(49)" in (table.folder / "table.md").read_text()
+    assert list(table.folder.glob("prism3/models/*.network.s0/trainer.lock"))
 
     again = LocalBackend()
     table.make(WorkerPool(again, [table.workers], 1))

@@ -1,7 +1,6 @@
 """The store on an S3-compatible service: a local server on a free port."""
 
 import threading
-import uuid
 
 import numpy as np
 import pytest
@@ -11,31 +10,7 @@ from flywheel.errors import DataError
 
 pytestmark = pytest.mark.slow
 
-moto = pytest.importorskip("moto.server")
 s3fs = pytest.importorskip("s3fs")
-
-
-@pytest.fixture(scope="module")
-def service():
-    """Address of a server of our own."""
-    server = moto.ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
-    server.start()
-    host, port = server.get_host_and_port()
-    yield f"http://{host}:{port}"
-    server.stop()
-
-
-@pytest.fixture
-def bucket(service, monkeypatch):
-    monkeypatch.setenv("AWS_ENDPOINT_URL", service)
-    monkeypatch.setenv("AWS_ACCESS_KEY_ID", "test")
-    monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "test")
-    monkeypatch.setenv("AWS_DEFAULT_REGION", "us-east-1")
-    s3fs.S3FileSystem.clear_instance_cache()
-    name = f"episodes-{uuid.uuid4().hex}"
-    s3fs.S3FileSystem().mkdir(name)
-    yield f"s3://{name}/run"
-    s3fs.S3FileSystem.clear_instance_cache()
 
 
 def in_turns(calls):
