@@ -13,7 +13,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -110,6 +110,7 @@ class Trajectory:
 
 
 Source = Literal["sim", "recording"]
+RECORDING: Final = "recording"  # source and data set of what a robot measured
 Split = Literal["train", "validation", "test"]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
@@ -76,14 +77,19 @@ def _orders(
     if (new := len(begun)) == len(robot.points):
         yield begun
         return
-    bodies = [point.body for point in robot.points]
-    for point in (i for i in range(len(bodies)) if i not in begun):
+    for point in (i for i in range(len(robot.points)) if i not in begun):
         if robot.points[point].radius == robot.points[new].radius and all(
-            (bodies[new] == bodies[old]) == (bodies[point] == bodies[there])
+            abs(_apart(robot, new, old) - _apart(robot, point, there)) <= ALIKE * robot.length
             and kinds.get((new, old)) == kinds.get((point, there))
             for old, there in enumerate((*begun, point))
         ):
             yield from _orders(robot, kinds, (*begun, point))
+
+
+def _apart(robot: Robot, first: int, second: int) -> float:
+    """Distance of two points of one body; below 0 for those of different bodies."""
+    one, other = robot.points[first], robot.points[second]
+    return math.dist(one.offset, other.offset) if one.body == other.body else -robot.length
 
 
 def _cables(robot: Robot, order: Sequence[int]) -> list[int]:

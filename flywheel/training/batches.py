@@ -94,10 +94,13 @@ def turned(windows: WindowBatch, rng: np.random.Generator) -> WindowBatch:
 
 
 def relabelled(
-    windows: WindowBatch, symmetries: Symmetries, rng: np.random.Generator
+    windows: WindowBatch,
+    symmetries: Symmetries,
+    which: NDArray[np.bool_],
+    rng: np.random.Generator,
 ) -> WindowBatch:
-    """The same windows, each with the robot's parts listed in the order of a random symmetry."""
-    drawn = rng.integers(len(symmetries.points), size=len(windows.points))
+    """The same windows, those of (B,) `which` with the parts listed in the order of a random symmetry."""
+    drawn = np.where(which, rng.integers(len(symmetries.points), size=len(which)), 0)
     points, winches = symmetries.points[drawn, None, :, None], symmetries.winches[drawn, None]
     seen, true = (np.take_along_axis(e, points, 2) for e in (windows.points, windows.points_truth))
     controls, winch, winch_truth = (

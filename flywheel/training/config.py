@@ -92,8 +92,9 @@ class TrainingConfig(Frozen):
       lead_power: errors in chunk j are divided by (1 + j) to this power (positions: twice it).
       yaw_augmentation: turn every window about the vertical by a random angle, unless the network's
         predictions turn with the robot anyway (`NetworkConfig.yaw_frame`).
-      symmetries: list the robot's parts in the order of a random one of its symmetries, in each window.
-        Motion that was seen on one of its sides is then known of all that are the same.
+      symmetries: list the robot's parts in the order of a random one of its symmetries, in each window
+        that was simulated without an effect at a single place. Motion that was seen on one of the robot's
+        sides is then known of all that are the same. A real robot's sides may differ.
       noise: standard deviation added to the past's points, as a fraction of the robot's length.
       mix: share of each data set in a batch; empty draws every window equally often.
       validate_every: steps between validations; also done at the end.
@@ -141,7 +142,7 @@ class TrainingConfig(Frozen):
     rest_weight: Weight = 1.0
     lead_power: Annotated[float, Bounds(0, 10)] = 1.0
     yaw_augmentation: bool = True
-    symmetries: bool = False
+    symmetries: bool = True
     noise: Share = 0.0
     mix: dict[Name, Weight] = Field(default={}, max_length=MOST_DATASETS)
     validate_every: OptimiserSteps = 100

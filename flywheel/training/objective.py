@@ -6,11 +6,13 @@ import functools
 import itertools
 from concurrent.futures import Executor
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from flywheel.data import WindowCache
 from flywheel.dynamics.gnn import Batch, ChunkNetwork, Simulator
+from flywheel.records import RECORDING
 from flywheel.robots import symmetries_of
 from flywheel.training.batches import Draw, generator, noisy, relabelled, to_batch, turned
 from flywheel.training.config import Schedule, TrainingConfig
@@ -102,7 +104,9 @@ class Objective:
         if config.yaw_augmentation and not self._simulator.config.yaw_frame:
             gathered = turned(gathered, rng)
         if self._symmetries is not None:
-            gathered = relabelled(gathered, self._symmetries, rng)
+            simulated = np.array([name != RECORDING for name in self._cache.datasets])
+            alike = simulated[gathered.dataset]
+            gathered = relabelled(gathered, self._symmetries, alike, rng)
         if config.noise > 0:
             gathered = noisy(
                 gathered, self._history, config.noise * self._simulator.robot.length, rng

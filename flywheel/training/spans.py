@@ -11,7 +11,7 @@ import numpy as np
 from flywheel.errors import DataError
 from flywheel.evaluation import past_at, places
 from flywheel.evaluation.pasts import stacked
-from flywheel.records import Episode, Floats, Past, Provenance, Trajectory
+from flywheel.records import RECORDING, Episode, Floats, Past, Provenance, Trajectory
 from flywheel.robots import Robot
 
 
@@ -93,7 +93,7 @@ def presents(
       stride: steps between two starts.
       most: largest number.
     """
-    about = Provenance(robot.digest, source="recording", dataset="recording")
+    about = Provenance(robot.digest, source=RECORDING, dataset=RECORDING)
     found: list[Present] = []
     for number, part in enumerate(parts):
         episode = Episode(f"recording-{number}", part.track, about, "train")

@@ -27,13 +27,13 @@ def log(transcript: TranscriptArgument, out: LogArgument, robot: RobotArgument =
     from flywheel.data.recordings import write_recording
     from flywheel.dynamics.plant import Reckoning
     from flywheel.outputs import check_outputs
-    from flywheel.records import Provenance
+    from flywheel.records import RECORDING, Provenance
     from flywheel.robot_link import ReplayedLink
     from flywheel.robots import load_robot
 
     check_outputs({"log": out}, inputs=[transcript])
     owner, link = load_robot(robot), ReplayedLink(transcript)
-    about = Provenance(owner.digest, source="recording", dataset="recording")
+    about = Provenance(owner.digest, source=RECORDING, dataset=RECORDING)
     reckoning = Reckoning(owner, link.info.period)
     found = replayed(link, owner, episode_id=out.stem, provenance=about, reckoning=reckoning)
     write_recording(found.episode, out, owner)

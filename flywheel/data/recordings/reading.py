@@ -42,11 +42,10 @@ from flywheel.data.splits import assign_split
 from flywheel.errors import ConfigError, DataError
 from flywheel.outputs import printable
 from flywheel.quantities import CONTROL_STEP
-from flywheel.records import Episode, Floats, Provenance, Split, Trajectory
+from flywheel.records import RECORDING, Episode, Floats, Provenance, Split, Trajectory
 from flywheel.robots import Robot
 
 MAPS = (".yaml", ".yml")
-DATASET = "recording"  # name of the data set, for the network's one-hot
 SHARES: dict[Split, float] = {"train": 0.6, "validation": 0.2, "test": 0.2}
 DIGITS = 16  # characters of the content's digest, in names
 LEAST_KEPT = 0.1  # share of the measured points; where more are wrong, the others cannot be trusted
@@ -117,7 +116,7 @@ def read_recording(
         seen = _seen(tracks, max(period, slow), dt)
     except DataError as error:
         raise DataError(f"{printable(path.name)}: {error}") from None
-    name = f"{DATASET}-{_slug(path.name)}-{digest[:DIGITS]}"
+    name = f"{RECORDING}-{_slug(path.name)}-{digest[:DIGITS]}"
     episodes = _episodes(name, tracks, robot, how, split or assign_split(digest, SHARES))
     report = ImportReport(
         file=printable(path.name),
@@ -189,8 +188,8 @@ def _episodes(
 ) -> tuple[Episode, ...]:
     origin = Provenance(
         robot=robot.digest,
-        source="recording",
-        dataset=DATASET,
+        source=RECORDING,
+        dataset=RECORDING,
         controller="recorded",
         code=__version__,
         conditions=how.conditions,

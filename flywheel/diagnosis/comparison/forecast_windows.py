@@ -15,7 +15,7 @@ from flywheel.effects import Scales, Terms
 from flywheel.errors import DataError
 from flywheel.evaluation import past_at, places
 from flywheel.evaluation.pasts import stacked
-from flywheel.records import Episode, Floats, Observation, Past, Provenance, Trajectory
+from flywheel.records import RECORDING, Episode, Floats, Observation, Past, Provenance, Trajectory
 from flywheel.robots import Robot
 from flywheel.smoothing import savitzky_golay
 
@@ -89,7 +89,7 @@ class ForecastWindows:
                 f"Windows need {FEWEST_STEPS} steps of {dt:g} s after a past of {lead} steps; asked for "
                 f"{seconds:g} s, and the longest recording has {longest + lead} steps in all."
             )
-        about = Provenance(robot.digest, source="recording", dataset="recording")
+        about = Provenance(robot.digest, source=RECORDING, dataset=RECORDING)
         episodes = tuple(
             Episode(f"recording-{i}", t, about, "test") for i, t in enumerate(recordings)
         )

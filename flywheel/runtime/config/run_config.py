@@ -38,6 +38,7 @@ from flywheel.quantities import (
     Threads,
     WaitingSeconds,
 )
+from flywheel.records import RECORDING
 from flywheel.registry import lookup
 from flywheel.robots import TerrainConfig, load_course, load_robot
 from flywheel.runtime.config.demand import DISK, PREDICTED, Demand
@@ -432,7 +433,7 @@ class RunConfig(Frozen):
     def dataset_numbers(self) -> dict[str, int]:
         """Index of each data set in the network's one-hot; recordings come last."""
         names = [data.name for data in self.datasets]
-        return {name: i for i, name in enumerate(dict.fromkeys([*names, "recording"]))}
+        return {name: i for i, name in enumerate(dict.fromkeys([*names, RECORDING]))}
 
 
 def load_config(path: str | Path, overrides: Sequence[str] = ()) -> RunConfig:

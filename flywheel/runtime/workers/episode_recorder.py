@@ -26,7 +26,7 @@ from flywheel.dynamics.plant import Plant, PlantDynamics, Reckoning, refined, wi
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.effects import Terms
 from flywheel.errors import DataError
-from flywheel.records import Episode, Floats, Provenance, State
+from flywheel.records import RECORDING, Episode, Floats, Provenance, State
 from flywheel.results import Walk
 from flywheel.robot_link import RobotLink
 from flywheel.robots import Robot, draw_terrain
@@ -36,7 +36,6 @@ from flywheel.tasks import Task, TaskConfig, sample_task
 from flywheel.terrain import Terrain, is_level, with_boxes
 
 SETTLE_SECONDS = 2.0
-RECORDING = "recording"  # source and data set of what a robot measured
 WALK_SECONDS = 0.5  # between two points of a path [s]
 GROUND = 1  # added to a seed, so that the ground has random numbers of its own
 OnProgress = Callable[[float], None]
@@ -338,7 +337,7 @@ class RobotRecorder(_Recorder):
             seconds=plan.seconds,
             seed=plan.seed,
             episode_id=plan.id,
-            provenance=self.provenance(plan, model, source="recording", dataset=RECORDING),
+            provenance=self.provenance(plan, model, source=RECORDING, dataset=RECORDING),
             split=plan.split,
             lead=config.mppi.steps(dt)["replan_seconds"] if ahead else 0,
             reckoning=Reckoning(self.robot, dt, self.terms(plan.effects)),

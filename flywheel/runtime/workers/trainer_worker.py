@@ -112,8 +112,10 @@ class TrainerWorker(Worker):
                 )
                 for split in SPLITS
             )
+            training = self._config.training
+            alike = training.symmetries and not any(effect.location for effect in order.effects)
             trainer = Trainer(
-                self._config.training.model_copy(update={"seed": order.seed}),
+                training.model_copy(update={"seed": order.seed, "symmetries": alike}),
                 self._config.network,
                 self._robot,
                 train,
