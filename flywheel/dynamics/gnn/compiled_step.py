@@ -136,7 +136,7 @@ class _Features(torch.autograd.Function):
             seen.vectors, seen.speeds, seen.heading, seen.normal, seen.nodes
         )
         body = torch.empty(step.shown, step.count, samples)
-        touching = torch.cat([torch.empty(step.count, samples), (away < layout.near).float()])
+        touching, gap = torch.empty(seen.normal.shape[1], samples), body[3]
         features.of_nodes(
             layout, vectors, speeds, heading, height.numpy(), normal, *_arrays(body, touching)
         )
@@ -146,7 +146,9 @@ class _Features(torch.autograd.Function):
         ended = _arrays(seen.end_places, seen.end_speeds, rest)
         features.of_cables(layout, nodes, *ended, heading, cable.numpy())
         contact = torch.empty(8, len(layout.contacts), samples)
-        gap = torch.cat([body[3], away.clamp(max=layout.clamp)]) if len(away) else body[3]
+        if away is not None:
+            touching[step.count :] = away < layout.near
+            gap = torch.cat([gap, away.clamp(max=layout.clamp)])
         features.of_contacts(layout, speeds, heading, normal, *_arrays(gap, contact))
         pair = torch.empty(3, len(step.pairs[0]), samples)
         features.of_pairs(*step.pairs, nodes, heading, pair.numpy())
@@ -155,7 +157,7 @@ class _Features(torch.autograd.Function):
         anchor[3] = torch.linalg.vector_norm(anchor[:3], dim=0)
         upward = torch.empty(3, 1, samples)
         features.turn(normal, layout.first, heading, upward.numpy(), 0, 0)
-        ctx.step, ctx.seen, ctx.loaded, ctx.near = step, seen, loaded, away < layout.clamp
+        ctx.step, ctx.seen, ctx.loaded, ctx.away = step, seen, loaded, away
         ctx.save_for_backward(body, cable, anchor)
         ctx.mark_non_differentiable(touching, upward)
         return body, cable, contact, pair, anchor, touching, upward
@@ -179,8 +181,8 @@ class _Features(torch.autograd.Function):
             layout, g_contact.numpy(), speeds, heading, normal, *_arrays(g_gap, g_speeds), g_h
         )
         g_body[3] += g_gap[:count]
-        if len(ctx.near):
-            moved = seen.normal[:, count:] * g_gap[count:] * ctx.near
+        if ctx.away is not None:
+            moved = seen.normal[:, count:] * g_gap[count:] * (ctx.away < layout.clamp)
             g_vectors[:, :count] += moved.unflatten(1, (-1, count)).sum(1)
         features.of_pairs_adjoint(*step.pairs, g_pair.numpy(), nodes, heading, g_nodes.numpy(), g_h)
         if len(step.anchored[0]):
@@ -218,9 +220,9 @@ def _seen(
     sides: Tensor | None,
     origin: Tensor,
     ground: Ground,
-) -> tuple[_Seen, Tensor, Tensor]:
+) -> tuple[_Seen, Tensor, Tensor | None]:
     """Places and velocities of nodes and ends, (N, K) the height of the ground, and distances ((k - 1) N, K)
-    from each node's surface to the nearest boxes [m].
+    from each node's surface to the nearest boxes [m]; None if those are not seen.
     """
     graph, samples, count = step.graph, frames.shape[-1], step.count
     vectors, speeds = torch.matmul(step.maps, frames), velocities.contiguous()
@@ -230,7 +232,7 @@ def _seen(
         height, normal = ground(vectors[:2, :count] + origin[:, None])
     else:
         height, normal = torch.zeros(1, 1), torch.zeros(3, 1, 1)
-    normal, away = normal.expand(3, count, samples), torch.zeros(0, samples)
+    normal, away = normal.expand(3, count, samples), None
     if graph.robot.grounded and step.config.surfaces > 1:
         places = torch.cat([vectors[:2, :count] + origin[:, None], vectors[2:, :count]])
         far, beside = ground.nearest(places, step.config.surfaces - 1)
