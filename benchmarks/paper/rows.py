@@ -99,10 +99,11 @@ def costs_table(rows: Sequence[CellRow]) -> list[str]:
 def result_table(table: TableConfig, rows: Sequence[CellRow]) -> list[str]:
     """Lines of Markdown: errors beside published ones, and costs, in one table for each robot."""
     roots = {f"{name}: RMSE/L [%]": _means(f"{part}_rmse") for name, part in _PARTS.items()}
+    costs = {name: column for name, column in _COSTS.items() if name != "data [min]"}
     lines: list[str] = []
     for robot in dict.fromkeys(row.robot for row in rows):
         own = [row for row in rows if row.robot == robot]
-        lines += ["", *_lines(f"{robot}: model", {**_errors(table), **roots, **_COSTS}, own)]
+        lines += ["", *_lines(f"{robot}: model", {**_errors(table), **roots, **costs}, own)]
     return lines[1:]
 
 
