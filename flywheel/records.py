@@ -77,6 +77,35 @@ class Observation:
         return Observation(self.points[index], self.winch[index])
 
 
+ChannelKind = Literal["tension", "length", "winch"]
+
+
+@dataclass(frozen=True)
+class MeasuredChannel:
+    """Measurements beside the points, with noise of their own.
+
+    Attributes:
+      kind: "tension" of a cable [N], "length" of one between its ends [m], or position of a "winch" [m or N].
+      name: of the cable or winch.
+      values: (T + 1,); NaN where missing.
+      noise: standard deviation; None to estimate it from the values.
+    """
+
+    kind: ChannelKind
+    name: str
+    values: Floats
+    noise: float | None = None
+
+    def __getitem__(self, index: Any) -> MeasuredChannel:
+        """Index its values."""
+        return dataclasses.replace(self, values=self.values[index])
+
+    @property
+    def key(self) -> tuple[ChannelKind, str]:
+        """Kind and name."""
+        return self.kind, self.name
+
+
 @dataclass(frozen=True)
 class Trajectory:
     """Observations, controls and, on a plant, full states over time.
@@ -86,21 +115,29 @@ class Trajectory:
       controls: (..., T, W) commands within the MJCF's ctrlrange.
       dt: control step [s].
       states: T + 1 full states, or None without a plant (a recording).
+      channels: of an unbatched recording, T + 1 values each.
     """
 
     observations: Observation
     controls: Floats
     dt: float
     states: State | None = None
+    channels: tuple[MeasuredChannel, ...] = ()
 
     @property
     def steps(self) -> int:
         """T, the number of control steps."""
         return self.controls.shape[-2]
 
+    def first(self, steps: int) -> Trajectory:
+        """The first control steps of an unbatched one, without states."""
+        channels = tuple(channel[: steps + 1] for channel in self.channels)
+        seen = self.observations[: steps + 1]
+        return Trajectory(seen, self.controls[:steps], self.dt, channels=channels)
+
     def __post_init__(self) -> None:
-        got = self.observations.points.shape[-3]
-        if got != self.steps + 1:
+        counts = {len(channel.values) for channel in self.channels}
+        for got in sorted({self.observations.points.shape[-3], *counts} - {self.steps + 1}):
             raise DataError(
                 f"A trajectory of {self.steps} controls has {self.steps + 1} observations, got {got}."
             )

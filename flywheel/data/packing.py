@@ -16,10 +16,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flywheel.errors import DataError
-from flywheel.records import Episode, Observation, Outcome, Provenance, Split, State, Trajectory
+from flywheel.records import (
+    Episode,
+    MeasuredChannel,
+    Observation,
+    Outcome,
+    Provenance,
+    Split,
+    State,
+    Trajectory,
+)
 from flywheel.terrain import NUMBERS, Box, Terrain, box_numbers, box_of
 
 SCHEMA = 1
+CHANNELS = "channels"  # array and attribute, where there are any
 _STATE = ("qpos", "qvel", "act")
 TERRAINS = ("terrain", "terrain_grid", "terrain_heights", "terrain_boxes")  # arrays
 Arrays = dict[str, NDArray[Any]]
@@ -55,7 +65,12 @@ def pack(episodes: Sequence[Episode]) -> tuple[Arrays, dict[str, Any]]:
     if any(e.terrain is not None for e in episodes):
         around = packed_terrains([e.terrain for e in episodes])
         arrays |= {name: array for name, array in around.items() if array.size}
-    return arrays, {"schema": SCHEMA, "episodes": [_describe(e) for e in episodes]}
+    about: dict[str, Any] = {"schema": SCHEMA, "episodes": [_describe(e) for e in episodes]}
+    if channels := tracks[0].channels:
+        each = [np.stack([c.values for c in t.channels], axis=1) for t in tracks]
+        arrays[CHANNELS] = _end_to_end(each)
+        about[CHANNELS] = [[c.kind, c.name, c.noise] for c in channels]
+    return arrays, about
 
 
 def unpack(arrays: Arrays, attributes: dict[str, Any]) -> list[Episode]:
@@ -68,6 +83,7 @@ def unpack(arrays: Arrays, attributes: dict[str, Any]) -> list[Episode]:
     steps = arrays["lengths"]
     terrains = unpacked_terrains(arrays) if "terrain" in arrays else [None] * len(steps)
     rows = np.concatenate([[0], np.cumsum(steps + 1)])
+    channels = attributes.get(CHANNELS, [])
     episodes = []
     for i, about in enumerate(attributes["episodes"]):
         seen = slice(rows[i], rows[i + 1])
@@ -81,6 +97,10 @@ def unpack(arrays: Arrays, attributes: dict[str, Any]) -> list[Episode]:
                     arrays["controls"][between],
                     about["dt"],
                     states,
+                    tuple(
+                        MeasuredChannel(kind, name, arrays[CHANNELS][seen, column], noise)
+                        for column, (kind, name, noise) in enumerate(channels)
+                    ),
                 ),
                 provenance=Provenance(**about["provenance"]),
                 split=about["split"],
@@ -164,10 +184,11 @@ def _describe(episode: Episode) -> dict[str, Any]:
 
 
 def _shape(episode: Episode) -> tuple[Any, ...]:
-    """Points, winches and sizes of the state."""
+    """Points, winches, sizes of the state, and channels with their noise."""
     seen, states = episode.trajectory.observations, episode.trajectory.states
     sizes = () if states is None else tuple(getattr(states, n).shape[-1] for n in _STATE)
-    return (seen.points.shape[-2], seen.winch.shape[-1], sizes)
+    channels = tuple((*c.key, c.noise) for c in episode.trajectory.channels)
+    return (seen.points.shape[-2], seen.winch.shape[-1], sizes, channels)
 
 
 def _check(episode: Episode) -> None:
@@ -186,7 +207,8 @@ def _check(episode: Episode) -> None:
         )
     if not np.isfinite(track.controls).all():
         raise DataError(f"Episode {name}: controls must be finite, got NaN or infinity.")
-    if np.isinf(seen.points).any() or np.isinf(seen.winch).any():
+    measured = (seen.points, seen.winch, *(channel.values for channel in track.channels))
+    if any(np.isinf(values).any() for values in measured):
         raise DataError(f"Episode {name}: a measurement is infinite; missing ones are NaN.")
     for field in _STATE if track.states is not None else ():
         values = getattr(track.states, field)

@@ -65,6 +65,7 @@ def worst_window(found: Diagnosis) -> Figure | None:
     """Measured and predicted path of the point with the largest error."""
     evidence = found.evidence
     squares = np.nan_to_num(evidence.squares(evidence.before))
+    squares[:, ~evidence.places] = 0.0
     window, point = np.unravel_index(squares.argmax(), squares.shape)
     time = (evidence.first[window] + np.arange(evidence.measured.shape[1])) * evidence.dt
     figure = Figure(figsize=(9.5, 2.9))

@@ -176,6 +176,11 @@ def _show(out: Out, found: Comparison) -> None:
     )
     seconds = windows.steps * windows.dt
     out.print(table(f"{len(windows)} predictions of {seconds:g} s", heads, rows))
+    for model in found.models:
+        if model.channels:
+            rows = [(e.channel.label, e.rms, e.by_noise, e.channel.sigma) for e in model.channels]
+            title = f"beside the points, {model.name} [N, m]"
+            out.print(table(title, ("channel", "error", "by noise alone", "noise"), rows))
     out.print(table(f"largest errors of {found.models[-1].name}", *_worst(found)))
 
 

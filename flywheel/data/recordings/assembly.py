@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from flywheel.data.recordings.alignment import Aligned
-from flywheel.data.recordings.channels import commands_of, points_of, positions_of
+from flywheel.data.recordings.channels import cables_of, commands_of, points_of, positions_of
 from flywheel.data.recordings.clocks import Follow, clocks_of
 from flywheel.data.recordings.columns import Log
 from flywheel.data.recordings.lookup import Sheets
@@ -73,7 +73,8 @@ def assemble(
     findings += found
     winches = [positions_of(sheets, clocks, winch, how) for winch in robot.winches]
     commands = commands_of(sheets, clocks, robot, winches, how)
-    log, period, found = one_log(points, commands, winches, robot, dt)
+    cables = cables_of(sheets, clocks, robot, how)
+    log, period, found = one_log(points, commands, winches, robot, dt, cables)
     findings += found
     digests = [file.digest for file in sheets.files]
     whole = (
@@ -85,12 +86,14 @@ def assemble(
 def _check_names(robot: Robot, how: RecordingMap) -> None:
     """Raises DataError for names in the map that the robot does not have."""
     points, bodies = [p.name for p in robot.points], [b.name for b in robot.bodies]
-    winches = [w.name for w in robot.winches]
+    winches, cables = [w.name for w in robot.winches], [c.name for c in robot.cables]
     for key, names, known in (
         ("markers", how.markers, points),
         ("poses", how.poses, bodies),
         ("commands", how.commands, winches),
         ("winches", how.winches, winches),
+        ("tensions", how.tensions, cables),
+        ("lengths", how.lengths, cables),
     ):
         wrong = [name for name in names if name not in known]
         if wrong:

@@ -40,6 +40,7 @@ POOR = 0.2  # share of the cables' motion that is left where an explanation may 
 BALANCED_ROWS = 40  # rows from which mean forces are taken
 UNHELD = 0.1  # share of the weight that may be held by nothing, for all that is wrong with an MJCF
 HANGING = 0.1  # height above the ground at which nothing stands on it, in L
+UNITS = 3.0  # times as long, or short: no cable is so wrong, its unit is
 AXES = "xyz"
 
 
@@ -304,6 +305,32 @@ def _better_axes(evidence: Evidence, impossible: bool) -> str:
     if near:
         return f"With axes: {{{near[0][2]}}} they would fit."
     return f"They would fit if the log were mirrored: {{{axes_told}}}."
+
+
+def check_channels(log: Log, points: Floats, robot: Robot) -> None:
+    """Compare measured lengths of cables with those between points (N, P, 3) [m], and tensions with zero.
+
+    Raises:
+      DataError: a length is in another unit, or a tension pushes.
+    """
+    rows = np.flatnonzero(np.isfinite(points).all(axis=(1, 2)) & robot.free)[:ROWS]
+    names = [cable.name for cable in robot.cables]
+    for channel in log.channels:
+        known = channel.values[np.isfinite(channel.values)]
+        got = float(np.median(known)) if len(known) else np.nan
+        if channel.kind == "tension" and got < 0:
+            raise DataError(
+                f"the tension of {channel.name!r} is usually {got:.4g} N, but cables pull: if the log has "
+                "tensions below 0, write units: {tension: -N}."
+            )
+        if channel.kind == "length" and len(known) and len(rows):
+            between = lengths_between(points[rows], robot)[:, names.index(channel.name)]
+            wanted = float(np.median(between))
+            if not wanted / UNITS < got < wanted * UNITS:
+                raise DataError(
+                    f"the length of {channel.name!r} is usually {got:.4g} m, between its points it is "
+                    f"{wanted:.4g} m: is its unit right (units: {{length: mm}})?"
+                )
 
 
 def told_positions(log: Log, robot: Robot) -> Floats:

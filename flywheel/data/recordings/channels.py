@@ -1,4 +1,4 @@
-"""Points, commands and positions of winches out of the files of a recording, each with its own times."""
+"""What the files of a recording have of points, winches and cables, each with its own times."""
 
 from __future__ import annotations
 
@@ -7,14 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from flywheel.data.recordings.bodies import pose_points
+from flywheel.data.recordings.columns import channel_names
 from flywheel.data.recordings.lookup import Found, Sheets, length_of
 from flywheel.data.recordings.mapping import RecordingMap
 from flywheel.data.recordings.report import Finding, listed
 from flywheel.data.recordings.series import Clock, Series
 from flywheel.data.recordings.sources import Channel, factor_of, newtons_of
 from flywheel.errors import DataError
-from flywheel.records import Floats
-from flywheel.robots import Robot, Winch
+from flywheel.records import ChannelKind, Floats
+from flywheel.robots import Cable, Robot, Winch
 
 
 def points_of(
@@ -73,6 +74,30 @@ def positions_of(
     return _channel(sheets, clocks, channel, how, "winch", winch)
 
 
+def cables_of(
+    sheets: Sheets, clocks: Sequence[Clock], robot: Robot, how: RecordingMap
+) -> dict[tuple[ChannelKind, str], tuple[Series, float | None]]:
+    """Measured tensions and lengths of cables with the noise that the map says, by kind and cable.
+
+    Raises:
+      DataError: a column is missing, or a cable is not nearly as long as the MJCF says.
+    """
+    found: dict[tuple[ChannelKind, str], tuple[Series, float | None]] = {}
+    cables = {cable.name: cable for cable in robot.cables}
+    for name, (kind, cable) in channel_names(robot).items():
+        channel = (how.tensions if kind == "tension" else how.lengths).get(cable)
+        if channel is None:
+            name = how.columns.get(name, name)
+            if sheets.columns([name]) is None:
+                continue
+            channel = Channel.model_validate({"from": name})
+        found[kind, cable] = (
+            _channel(sheets, clocks, channel, how, kind, cables[cable]),
+            channel.noise,
+        )
+    return found
+
+
 def commands_of(
     sheets: Sheets,
     clocks: Sequence[Clock],
@@ -120,7 +145,7 @@ def _channel(
     channel: Channel,
     how: RecordingMap,
     kind: str,
-    winch: Winch,
+    of: Winch | Cable,
 ) -> Series:
     """A column in m, m/s or N, with its own times; rows in which it was not written are left out."""
     name = channel.source or ""
@@ -128,10 +153,10 @@ def _channel(
     if name.startswith("-") and sheets.columns([name]) is None:
         sign, name = -1.0, name[1:]
     found = sheets.column(name)
-    told = winch.kind == "tension"
+    told = "tension" in (kind, of.kind if isinstance(of, Winch) else kind)
     unit = channel.unit or (how.units.tension if told else getattr(how.units, kind))
     drum = channel.drum if channel.drum is not None else how.units.drum
-    what = f"the unit of {winch.name}"
+    what = f"the unit of {of.name}"
     try:
         factor = sign * (
             newtons_of(unit, what) if told else factor_of(unit, what, drum, channel.per)
@@ -143,7 +168,7 @@ def _channel(
     if kind == "control":
         known = np.isfinite(values)
         if known.sum() < 1 + (not channel.held):
-            raise DataError(f"{name!r}, the commands of {winch.name}, has {known.sum()} numbers.")
+            raise DataError(f"{name!r}, the commands of {of.name}, has {known.sum()} numbers.")
         made = Series(made.time[known], values[known], made.source, channel.held)
     return made
 

@@ -54,7 +54,7 @@ def without_duplicates(log: Log) -> tuple[Log, list[Finding]]:
 def _alike(log: Log, some: NDArray[np.int64], others: NDArray[np.int64]) -> NDArray[np.bool_]:
     """(rows,) bool: True for rows equal to others, except for their times and lines."""
     same = np.ones(len(some), bool)
-    for values in (log.controls, log.points, log.winch):
+    for values in (log.controls, log.points, log.winch, *(c.values for c in log.channels)):
         a, b = values[some], values[others]
         equal = (a == b) | (np.isnan(a) & np.isnan(b))
         same &= equal.all(axis=tuple(range(1, equal.ndim)))

@@ -14,10 +14,11 @@ from flywheel.data.recordings.mapping import RecordingMap
 from flywheel.data.recordings.report import Finding, counted, listed
 from flywheel.data.recordings.table import OpenTable, Table
 from flywheel.errors import DataError
-from flywheel.records import Floats
+from flywheel.records import ChannelKind, Floats, MeasuredChannel
 from flywheel.robots import Robot
 
 TIME = "time"
+ARRAYS = ("time", "controls", "points", "winch", "lines")  # of a log
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,7 @@ class Log:
       points: (N, P, 3) measured [m].
       winch: (N, W) measured winch positions [m].
       lines: (N,) of the file; 0 for rows between those of a slow tracker, which only have commands.
+      channels: measured beside the points, (N,) each.
     """
 
     time: Floats
@@ -37,10 +39,17 @@ class Log:
     points: Floats
     winch: Floats
     lines: NDArray[np.int64]
+    channels: tuple[MeasuredChannel, ...] = ()
 
     def __getitem__(self, rows: Any) -> Log:
         """Some of the rows."""
-        return Log(**{name: values[rows] for name, values in vars(self).items()})
+        arrays = {name: getattr(self, name)[rows] for name in ARRAYS}
+        return Log(**arrays, channels=tuple(channel[rows] for channel in self.channels))
+
+
+def finite(values: Floats) -> Floats:
+    """The values, with NaN in the place of infinite ones."""
+    return np.where(np.isfinite(values), values, np.nan)
 
 
 def control_names(robot: Robot) -> list[str]:
@@ -56,6 +65,14 @@ def point_names(robot: Robot) -> list[str]:
 def winch_names(robot: Robot) -> dict[str, int]:
     """Our names of the columns of winch positions -> index of the winch."""
     return {winch.sensor: i for i, winch in enumerate(robot.winches) if winch.sensor}
+
+
+def channel_names(robot: Robot) -> dict[str, tuple[ChannelKind, str]]:
+    """Our names of the columns of tensions and lengths -> kind and cable, for all cables."""
+    kinds: tuple[ChannelKind, ...] = ("tension", "length")
+    others = {TIME, *control_names(robot), *point_names(robot), *winch_names(robot)}
+    names = {f"{kind}.{cable.name}": (kind, cable.name) for kind in kinds for cable in robot.cables}
+    return {name: key for name, key in names.items() if name not in others}
 
 
 @dataclass(frozen=True)
@@ -87,6 +104,7 @@ def matched(
     """
     needed = control_names(robot) if commands_only else [*control_names(robot), *point_names(robot)]
     known = [TIME, *control_names(robot), *point_names(robot), *winch_names(robot)]
+    known += channel_names(robot)
     theirs = _their_names(sheet, robot, how, known)
     _refuse_unknown(sheet, robot, how, theirs)
     there = set(sheet.header)
@@ -143,7 +161,12 @@ def pick(
                 words = "the log has no such column; winch positions are dead-reckoned"
                 findings.append(Finding("channel", "noted", name, 0, words=words))
         controls = values(control_names(robot), tension or "control")
-        log = Log(time, controls, points, winch, table.lines)
+        channels = tuple(
+            MeasuredChannel(*key, finite(values([name], key[0])[:, 0]))
+            for name, key in channel_names(robot).items()
+            if name in theirs
+        )
+        log = Log(time, controls, points, winch, table.lines, channels)
     return log, findings
 
 

@@ -9,6 +9,7 @@ time, which moves a winch equally far.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,7 +54,8 @@ def on_grid(log: Log, period: float, dt: float, jitter: float) -> tuple[Trajecto
     used = np.zeros(len(time), bool)
     used[chosen[there]] = True
     findings = _findings(log, used, fits, off, period, dt)
-    return Trajectory(Observation(points, winch), controls, dt), findings
+    channels = tuple(replace(c, values=_taken(c.values, chosen)) for c in log.channels)
+    return Trajectory(Observation(points, winch), controls, dt, channels=channels), findings
 
 
 def most_rows(robot: Robot) -> int:

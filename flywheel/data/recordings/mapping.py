@@ -86,8 +86,9 @@ class Units(Frozen):
       control: a length (for position winches), a length per second (for rate winches), or an angle
         of the drum in "rad" or "deg", or per second; with "-" in front if positive hauls in.
       winch: of measured winch positions: a length, or an angle of the drum.
-      tension: of commands and positions of winches that take tensions: "N", "kN", "kgf" or "lbf"; with
-        "-" in front if they are negative.
+      tension: of measured tensions, and of commands and positions of winches that take tensions: "N", "kN",
+        "kgf" or "lbf"; with "-" in front if they are negative.
+      length: of measured lengths of cables: a length.
       drum: radius of the winches' drums, if commands or positions are angles [m].
     """
 
@@ -96,11 +97,12 @@ class Units(Frozen):
     control: str = "m/s"
     winch: str = "m"
     tension: str = "N"
+    length: str = "m"
     drum: Radius | None = None
 
     @model_validator(mode="after")
     def _are_known(self) -> Self:
-        for name in ("control", "winch", "tension"):
+        for name in ("control", "winch", "tension", "length"):
             self.factor(name)
         units = ", ".join(LENGTHS)
         for unit in self._of_points:
@@ -119,7 +121,7 @@ class Units(Frozen):
         """(3,) factors from the log's x, y and z of points to metres."""
         return np.array([LENGTHS[unit] for unit in self._of_points])
 
-    def factor(self, name: Literal["time", "control", "winch", "tension"] | str) -> float:
+    def factor(self, name: Literal["time", "control", "winch", "tension", "length"] | str) -> float:
         """Factor from a value of the log to s, m, m/s or N."""
         unit: str = getattr(self, name)
         if name == "tension":
@@ -149,7 +151,9 @@ class RecordingMap(Frozen):
         was not measured.
       poses: body -> its pose in a file, for the points that are not under markers.
       commands: winch -> its commands.
-      winches: winch -> its measured positions.
+      winches: winch -> its measured positions; with their noise they are compared with predicted ones.
+      tensions: cable -> its measured tension.
+      lengths: cable -> its measured length from end to end.
     """
 
     columns: dict[Name, Name] = Field(default={})
@@ -166,11 +170,14 @@ class RecordingMap(Frozen):
     poses: dict[Name, PoseSource] = Field(default={})
     commands: dict[Name, Channel] = Field(default={})
     winches: dict[Name, Channel] = Field(default={})
+    tensions: dict[Name, Channel] = Field(default={})
+    lengths: dict[Name, Channel] = Field(default={})
 
     @property
     def assembles(self) -> bool:
         """True if the map names files, markers, bodies or channels, not only columns of one table."""
-        return bool(self.files or self.markers or self.poses or self.commands or self.winches)
+        channels = self.commands or self.winches or self.tensions or self.lengths
+        return bool(self.files or self.markers or self.poses or channels)
 
 
 def read_map(path: Path) -> RecordingMap:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,7 @@ from flywheel import __version__
 from flywheel.data.recordings.accounts import check_accounts
 from flywheel.data.recordings.alignment import Aligned
 from flywheel.data.recordings.assembly import Assembled, assemble
-from flywheel.data.recordings.cables import Evidence, check_frame
+from flywheel.data.recordings.cables import Evidence, check_channels, check_frame
 from flywheel.data.recordings.clock import stretches, usual_period, without_duplicates
 from flywheel.data.recordings.clocks import Follow
 from flywheel.data.recordings.columns import Log, matched, pick
@@ -42,7 +42,15 @@ from flywheel.data.splits import assign_split
 from flywheel.errors import ConfigError, DataError
 from flywheel.outputs import printable
 from flywheel.quantities import CONTROL_STEP
-from flywheel.records import RECORDING, Episode, Floats, Provenance, Split, Trajectory
+from flywheel.records import (
+    RECORDING,
+    Episode,
+    Floats,
+    MeasuredChannel,
+    Provenance,
+    Split,
+    Trajectory,
+)
 from flywheel.robots import Robot
 
 MAPS = (".yaml", ".yml")
@@ -229,7 +237,15 @@ def _checked(
     points, found = judged(tracked, robot, log.time, "swaps" in how.repair)
     _check_kept(log.points, points, findings + found)
     controls = np.clip(log.controls, robot.control_low, robot.control_high)  # rounding only
-    return Log(log.time, controls, points, log.winch, log.lines), period, findings + found
+    check_channels(log, points, robot)
+    noisy = {name: channel.noise for name, channel in how.winches.items() if channel.noise}
+    channels = log.channels + tuple(
+        MeasuredChannel("winch", winch.name, log.winch[:, i], noisy[winch.name])
+        for i, winch in enumerate(robot.winches)
+        if winch.name in noisy
+    )
+    kept = replace(log, controls=controls, points=points, channels=channels)
+    return kept, period, findings + found
 
 
 def _check_kept(before: Floats, after: Floats, findings: list[Finding]) -> None:

@@ -7,19 +7,19 @@ row, so that a winch moves as far; winch positions of another file are interpola
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flywheel.data.recordings.clock import GAP
-from flywheel.data.recordings.columns import Log
+from flywheel.data.recordings.columns import Log, finite
 from flywheel.data.recordings.grid import held, most_rows, phase
 from flywheel.data.recordings.lookup import Source
 from flywheel.data.recordings.report import Finding, counted, listed
 from flywheel.errors import DataError
-from flywheel.records import Floats
+from flywheel.records import ChannelKind, Floats, MeasuredChannel
 from flywheel.robots import Robot
 
 EPOCH = 1e6  # [s]: later times are dates, and are told from the beginning
@@ -60,6 +60,7 @@ def one_log(
     winches: Sequence[Series | None],
     robot: Robot,
     dt: float,
+    cables: Mapping[tuple[ChannelKind, str], tuple[Series, float | None]] = {},
 ) -> tuple[Log, float, list[Finding]]:
     """The rows of the log, the usual time between those with points, and findings."""
     seen = [each for each in points if each is not None]
@@ -93,9 +94,13 @@ def one_log(
     for i, each in enumerate(winches):
         if each is not None:
             winch[:, i] = _at(each, time, base, own)
+    channels = tuple(
+        MeasuredChannel(*key, finite(_sampled(each, time, base, own, dt)), noise)
+        for key, (each, noise) in cables.items()
+    )
     if time[0] > EPOCH:
         time = time - time[known][0]
-    log = Log(time, controls, values, winch, np.asarray(lines, np.int64))
+    log = Log(time, controls, values, winch, np.asarray(lines, np.int64), channels)
     return log[known], period, findings
 
 
@@ -157,7 +162,7 @@ def _told(each: Series | float, time: Floats) -> Floats:
 
 
 def _nearest(each: Series, time: Floats, dt: float) -> Floats:
-    """(N, 3) the samples within half a control step of some times; NaN elsewhere."""
+    """(N, ...) the samples within half a control step of some times; NaN elsewhere."""
     after = np.searchsorted(each.time, time).clip(1, len(each.time) - 1)
     nearest = np.where(time - each.time[after - 1] < each.time[after] - time, after - 1, after)
     values = each.values[nearest].copy()
@@ -165,12 +170,20 @@ def _nearest(each: Series, time: Floats, dt: float) -> Floats:
     return values
 
 
+def _sampled(each: Series, time: Floats, base: Series, own: NDArray[np.int64], dt: float) -> Floats:
+    """(N,) values at some times: as written, or the nearest of another file."""
+    if each.source is not base.source:
+        return _nearest(each, time, dt)
+    found = np.full(len(time), np.nan)
+    found[own] = each.values
+    return found
+
+
 def _at(each: Series, time: Floats, base: Series, own: NDArray[np.int64]) -> Floats:
     """(N,) positions of a winch at some times: as written, or between two samples of another file."""
-    found = np.full(len(time), np.nan)
     if each.source is base.source:
-        found[own] = each.values
-        return found
+        return _sampled(each, time, base, own, 0.0)
+    found = np.full(len(time), np.nan)
     known = np.isfinite(each.values)
     if known.sum() < 2:
         return found

@@ -41,6 +41,17 @@ def _metres(value: Any) -> Any:
     return float(found[1]) * LENGTHS[found[2] or "m"]
 
 
+def _noise(value: Any) -> Any:
+    """Metres or newtons, of a number or a text such as `0.2 mm` or `0.5 N`."""
+    found = re.fullmatch(r"\s*(\S+)\s+(\w+)\s*", value) if isinstance(value, str) else None
+    if found is None:
+        return value
+    units = LENGTHS | FORCES
+    if found[2] not in units:
+        raise ValueError(f"noise is in {', '.join(units)}; got {shown(value)}")
+    return float(found[1]) * units[found[2]]
+
+
 def _per_turn(value: Any) -> Any:
     """Ticks per turn, of a number or a text such as `4096 / turn`."""
     found = QUANTITY.fullmatch(value) if isinstance(value, str) else None
@@ -51,6 +62,7 @@ Name = Annotated[str, Field(max_length=LONGEST_NAME), AfterValidator(plain)]
 Coordinate = Annotated[float, Bounds(-1e8, 1e8, "m")]  # positions anywhere on Earth are smaller
 Radius = Annotated[float, Bounds(1e-4, 100, "m"), BeforeValidator(_metres)]  # of a drum
 Length = Annotated[Coordinate, BeforeValidator(_metres)]
+Noise = Annotated[float, Bounds(1e-9, 1e6), BeforeValidator(_noise)]
 PerTurn = Annotated[float, Bounds(1e-3, 1e9), BeforeValidator(_per_turn)]
 Triple = tuple[Length, Length, Length]
 Chosen = Annotated[float, Bounds(-1e15, 1e15)]  # by which rows are chosen; counters stay whole
@@ -149,7 +161,7 @@ class FileEntry(Frozen):
 
 
 class Channel(_Sourced):
-    """Where a winch's commands, or its measured positions, are.
+    """Where a winch's commands or its measured positions, or a cable's tension or length, are.
 
     Attributes:
       source: `from`, the column, with "-" in front for the other sign; several winches may have one.
@@ -159,6 +171,7 @@ class Channel(_Sourced):
       drum: radius of the drum [m], or with a unit: `12.7 mm`.
       add: added afterwards, as the rest length where the column is 0 [m].
       held: written only when it changed: the last value holds, however long.
+      noise: standard deviation of what is measured [m or N], also with a unit: `0.2 mm`, `0.5 N`.
     """
 
     source: Name | None = Field(default=None, alias="from")
@@ -168,6 +181,7 @@ class Channel(_Sourced):
     drum: Radius | None = None
     add: Length = 0.0
     held: bool = False
+    noise: Noise | None = None
 
     @model_validator(mode="before")
     @classmethod

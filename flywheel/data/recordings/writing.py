@@ -16,7 +16,7 @@ import numpy as np
 from flywheel.data.recordings.columns import TIME, control_names, point_names, winch_names
 from flywheel.errors import DataError, RunError
 from flywheel.faults import fault_of, told
-from flywheel.records import Episode, Floats
+from flywheel.records import Episode, Floats, MeasuredChannel
 from flywheel.robots import Robot
 
 
@@ -64,6 +64,7 @@ class Logged:
       points: (T + 1, P, 3) [m].
       winch: (T + 1, S) measured winch positions, of those with a sensor [m].
       sensors: (S,) their names.
+      channels: measured tensions and lengths of cables.
       left: content that a log cannot hold: "state", and winches with known positions but without a sensor.
     """
 
@@ -72,6 +73,7 @@ class Logged:
     points: Floats
     winch: Floats
     sensors: tuple[str, ...]
+    channels: tuple[MeasuredChannel, ...]
     left: tuple[str, ...]
 
     @classmethod
@@ -96,6 +98,7 @@ class Logged:
             seen.points,
             seen.winch[:, list(sensors.values())],
             tuple(sensors),
+            tuple(channel for channel in track.channels if channel.kind != "winch"),
             (*(["state"] if track.states is not None else []), *left),
         )
 
@@ -118,9 +121,11 @@ def write_recording(episode: Episode, path: str | Path, robot: Robot) -> tuple[s
         np.concatenate([log.controls, np.full((1, log.controls.shape[1]), np.nan)]),
         log.points.reshape(len(log.time), -1),
         log.winch,
+        *(channel.values[:, None] for channel in log.channels),
     ]
+    beside = [*log.sensors, *(f"{channel.kind}.{channel.name}" for channel in log.channels)]
     with new_csv(path) as writer:
-        writer.writerow([TIME, *control_names(robot), *point_names(robot), *log.sensors])
+        writer.writerow([TIME, *control_names(robot), *point_names(robot), *beside])
         for row in np.concatenate(columns, axis=1):
             writer.writerow([repr(x) if isfinite(x) else "" for x in row.tolist()])
     return log.left

@@ -26,7 +26,7 @@ class Location:
       cables: (K, C) squares explained by a change of each cable in each window alone [sigma^2].
       recording: index of the one with the largest residual.
       begin, end: interval of time in it [s].
-      point: its tracked point.
+      point: its tracked point, or channel.
       cable: with the best explanation in that window; "" if the library has no effect on cables.
     """
 
@@ -69,7 +69,7 @@ def localise(
         int(windows.recording[window]),
         float(start + first * length),
         float(start + (last + 1) * length),
-        robot.points[point].name,
+        windows.names[point],
         cable,
     )
 

@@ -112,18 +112,18 @@ def _drawn(
     Both are (draws, K, steps, P, 3) [sigma].
     """
     model, warmup, count = subject.dynamics, windows.warmup, len(windows)
-    origin = _repeated(windows.origin(subject), draws)
+    origin = repeated(windows.origin(subject), draws)
     shaken = origin.observations.points
     shaken = shaken + rng.normal(0.0, windows.sigma, shaken.shape)
     origin = replace(origin, observations=Observation(shaken, origin.observations.winch))
     world = model.rollout(origin, np.tile(windows.controls(warmup), (draws, 1, 1)))
     noise = rng.normal(size=world.points.shape)
     measured = windows.past(subject)
-    seen = _repeated(measured, draws).observations
+    seen = repeated(measured, draws).observations
     now = slice(warmup - model.history, warmup + 1)
     points = (world.points + windows.sigma * noise)[:, now]
     past = replace(
-        _repeated(measured, draws),
+        repeated(measured, draws),
         observations=Observation(
             np.where(np.isfinite(seen.points), points, np.nan),
             np.where(np.isfinite(seen.winch), world.winch[:, now], np.nan),
@@ -187,7 +187,7 @@ def mean_by_lead(squares: Floats) -> Floats:
     return np.asarray(np.where(count, total / np.maximum(count, 1), np.nan))
 
 
-def _repeated(past: Past, count: int) -> Past:
+def repeated(past: Past, count: int) -> Past:
     """The batch, repeated."""
 
     def many(array: Floats) -> Floats:

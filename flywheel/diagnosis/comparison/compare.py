@@ -9,6 +9,7 @@ import numpy as np
 
 from flywheel.diagnosis.comparison.bins import Bins
 from flywheel.diagnosis.comparison.bootstrap import bootstrap_null, mean_by_lead
+from flywheel.diagnosis.comparison.channel_errors import channel_errors
 from flywheel.diagnosis.comparison.first_lengths import with_first_lengths
 from flywheel.diagnosis.comparison.fitted_starts import fitted_starts
 from flywheel.diagnosis.comparison.forecast_windows import ForecastWindows
@@ -113,6 +114,7 @@ def judged(
         excess=null.excess,
         probability=null.probability,
         fitted=fitted,
+        channels=channel_errors(subject, windows, rng),
     )
 
 

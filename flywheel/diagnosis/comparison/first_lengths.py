@@ -7,8 +7,6 @@ fitted, beside the initial states of the first windows.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from flywheel.diagnosis.comparison.forecast_windows import ForecastWindows
@@ -72,9 +70,4 @@ def _first_windows(windows: ForecastWindows, recording: int) -> Trajectory:
     """A recording up to the end of its first windows."""
     track = windows.recordings[recording].trajectory
     end = int(windows.first[windows.recording == recording].min()) + WINDOWS * windows.steps
-    return replace(
-        track,
-        observations=track.observations[: end + 1],
-        controls=track.controls[:end],
-        states=None,
-    )
+    return track.first(end)

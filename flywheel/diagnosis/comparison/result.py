@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from flywheel.diagnosis.comparison.bins import Bins
+from flywheel.diagnosis.comparison.channel_errors import ChannelError
 from flywheel.diagnosis.comparison.fitted_starts import LOUD, FittedStarts
 from flywheel.diagnosis.comparison.forecast_windows import ForecastWindows
 from flywheel.evaluation import ExactSum
@@ -47,6 +48,7 @@ class Judgement:
         noise alone.
       probability: of as much excess by noise alone.
       fitted: error with fitted starts; None if not requested, or not possible.
+      channels: errors of what was measured beside the points; none of other models than plants.
     """
 
     name: str
@@ -61,6 +63,7 @@ class Judgement:
     excess: float
     probability: float
     fitted: FittedStarts | None
+    channels: tuple[ChannelError, ...] = ()
 
     @property
     def whole(self) -> ExactSum:
@@ -115,6 +118,7 @@ class Judgement:
             },
             "where": {f"{b.of} by {b.by}": b.summary() for b in self.bins},
             "window_by_point": self.squares.total.tolist(),
+            "channels": [error.summary() for error in self.channels],
         }
 
 

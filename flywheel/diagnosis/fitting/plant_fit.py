@@ -141,9 +141,11 @@ class PlantFitter(Fitter):
         return type(self)(self.simulator.halved(where), self.first, self.settings)
 
     def rms(self, fit: Fit) -> float:
-        """Root mean square error of a fit [m]; the initial states count as degrees of freedom."""
-        left = (fit.residual**2).sum() / max(1, self.freedom)
-        return float(np.sqrt(left)) * self.windows.sigma
+        """Root mean square error of the points [m]; the initial states count as degrees of freedom."""
+        windows, points = self.windows, slice(len(self.windows.robot.points))
+        left = fit.residual.reshape(windows.measured.shape)[:, :, points]
+        freedom = windows.noisy[:, :, points].sum() - self.taken.sum()
+        return float(np.sqrt((left**2).sum() / max(1, freedom))) * windows.sigma
 
     def stepped(
         self, fit: Fit, cache: JacobianCache, left: Floats, winch: Floats, terms: Terms

@@ -63,7 +63,8 @@ class WindowSimulator:
     ) -> None:
         self.windows, self.plant, self._busy = windows, plant, busy
         self.fineness = np.ones(len(windows), int)
-        self.augmented = AugmentedPlant(plant)
+        self._channels = [channel.key for channel in windows.channels]
+        self.augmented = AugmentedPlant(plant, self._channels)
         self._engines = {1: self.augmented}  # by fineness, in common with all finer ones
         self.nominal = nominal_winch(windows)[:, 0]
         scales = Scales.of(windows.robot)
@@ -144,8 +145,7 @@ class WindowSimulator:
         each = [t for t in terms for _ in range(len(windows))]
         members = np.tile(np.arange(len(windows)), count)
         motion = self._simulated(members, state, commands.reshape(total, *commands.shape[2:]), each)
-        seen = np.where(motion.finite[:, None, None, None], motion.points, np.nan)
-        points = seen.reshape(count, *windows.measured.shape)
+        points = self._seen(motion).reshape(count, *windows.measured.shape)
         return points, [Carried(winch[i], {}) for i in range(count)]
 
     def began(self, winch: Floats, terms: Terms) -> Carried:
@@ -196,7 +196,7 @@ class WindowSimulator:
             carried = _of_recordings(memory, count, logs)
             motion = self._simulated(np.tile(members, count), state, commands, each, carried)
             kept.append((members, _started_with(carried, motion.memory)))
-            seen = np.where(motion.finite[:, None, None, None], motion.points, np.nan)
+            seen = self._seen(motion)
             points[:, members] = seen.reshape(count, len(members), *seen.shape[1:])
             last = self.plant.winch(motion.states[:, -1]).reshape(now.shape)
             held[:, logs] = last
@@ -233,7 +233,12 @@ class WindowSimulator:
         memory = {name: values[members] for name, values in carried.memory.items()}
         state = self.with_winch(starts, carried.winch[members] if winch is None else winch)
         motion = self._simulated(members, state, commands, [terms] * len(members), memory)
-        return np.where(motion.finite[:, None, None, None], motion.points, np.nan)
+        return self._seen(motion)
+
+    def _seen(self, motion: Motion) -> Floats:
+        """(n, steps + 1, P + C, 3) measurements of a motion, as in `Windows.measured`; NaN if it diverged."""
+        seen = self.windows.widened(motion.points, motion.channels)
+        return np.where(motion.finite[:, None, None, None], seen, np.nan)
 
     def _simulated(
         self,
@@ -249,7 +254,7 @@ class WindowSimulator:
         for times in np.unique(fineness).tolist():
             if times not in self._engines:
                 plant = hasty(self.plant) if times == HASTY else refined(self.plant, times)
-                self._engines[times] = AugmentedPlant(plant)
+                self._engines[times] = AugmentedPlant(plant, self._channels)
             rows = np.flatnonzero(fineness == times)
             part = {name: held[rows] for name, held in (memory or {}).items()}
             here = [terms[int(row)] for row in rows]

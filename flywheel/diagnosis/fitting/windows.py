@@ -11,7 +11,7 @@ import numpy as np
 from flywheel.diagnosis.settings import WindowSettings
 from flywheel.effects import Scales
 from flywheel.errors import DataError
-from flywheel.records import Floats, Trajectory
+from flywheel.records import ChannelKind, Floats, MeasuredChannel, Trajectory
 from flywheel.robots import Robot
 
 ORDER = 4  # of the differences that show the noise: motion that is smooth over five samples cancels
@@ -50,6 +50,24 @@ class Recording:
 
 
 @dataclass(frozen=True)
+class ChannelNoise:
+    """A channel beside the points, and the noise of its measurements.
+
+    Attributes:
+      key: kind, and name of the cable or winch.
+      sigma: standard deviation [m or N].
+    """
+
+    key: tuple[ChannelKind, str]
+    sigma: float
+
+    @property
+    def label(self) -> str:
+        """For people."""
+        return " ".join(self.key)
+
+
+@dataclass(frozen=True)
 class Windows:
     """Equally long windows that tile each recording, one after the other.
 
@@ -60,11 +78,12 @@ class Windows:
       steps: of each window.
       recording: (K,) index of each window's recording.
       first: (K,) first step of each in its recording.
-      measured: (K, steps + 1, P, 3) [m].
-      filled: (K, P, 3) bool, coordinates of it that were `filled_in`.
+      measured: (K, steps + 1, P + C, 3) [m]: the points, and C channels as `widened`.
+      filled: (K, P + C, 3) bool, coordinates of it that were `filled_in`.
       sigma: standard deviation of a coordinate's error: by noise, and by model discrepancy [m].
       doubt: standard deviation of one over the noise's square, relative to that; 0 if it was given.
       discrepancy: model discrepancy, see `with_discrepancy` [m].
+      channels: measured beside the points.
     """
 
     robot: Robot
@@ -78,6 +97,7 @@ class Windows:
     sigma: float
     doubt: float = 0.0
     discrepancy: float = 0.0
+    channels: tuple[ChannelNoise, ...] = ()
 
     @classmethod
     def cut(
@@ -138,7 +158,33 @@ class Windows:
             filled=filled,
             sigma=noise_floor([log.points for log in recordings]) if sigma is None else sigma,
             doubt=noise_doubt([log.points for log in recordings]) if sigma is None else 0.0,
-        )
+        )._with_channels(trajectories)
+
+    def _with_channels(self, trajectories: Sequence[Trajectory]) -> Windows:
+        """The same, which have points only, with the channels of their recordings."""
+        channels = channels_of(trajectories)
+        tables = [channel_table(track, channels) for track in trajectories]
+        places = zip(self.recording, self.first, strict=True)
+        beside = np.stack([tables[i][f : f + self.steps + 1] for i, f in places])
+        more = np.zeros((len(self), len(channels), 3), bool)
+        wide = replace(self, channels=channels, filled=np.concatenate([self.filled, more], axis=1))
+        return replace(wide, measured=wide.widened(self.measured, beside, missing=np.nan))
+
+    def widened(self, points: Floats, beside: Floats, missing: float = 0.0) -> Floats:
+        """(n, T, P + C, 3) points (n, T, P, 3) with channels (n, T, C) [m].
+
+        A channel counts as the first coordinate of one more point, in the unit that gives it the points'
+        noise; the two others are `missing`.
+        """
+        rows = np.full((*beside.shape, 3), missing)
+        rows[..., 0] = beside * self.noise / np.array([each.sigma for each in self.channels])
+        return np.concatenate([points, rows], axis=2)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the points and channels."""
+        points = (point.name for point in self.robot.points)
+        return (*points, *(channel.label for channel in self.channels))
 
     def with_discrepancy(self, discrepancy: float) -> Windows:
         """The same, with a model discrepancy in addition to noise [m], whatever they have."""
@@ -213,6 +259,42 @@ class Windows:
         numbers = int(np.prod(slope.shape[2:]))
         flat = np.nan_to_num(slope.reshape(*slope.shape[:2], numbers), nan=0.0)
         return flat.swapaxes(1, 2)
+
+
+def channels_of(trajectories: Sequence[Trajectory]) -> tuple[ChannelNoise, ...]:
+    """All channels of some recordings, each with the noise that it is told to have, or has.
+
+    Raises:
+      DataError: the noise of one cannot be estimated.
+    """
+    found: dict[tuple[ChannelKind, str], list[MeasuredChannel]] = {}
+    for channel in (each for track in trajectories for each in track.channels):
+        if np.isfinite(channel.values).any():
+            found.setdefault(channel.key, []).append(channel)
+    return tuple(ChannelNoise(key, _noise_of(each)) for key, each in found.items())
+
+
+def _noise_of(channels: Sequence[MeasuredChannel]) -> float:
+    told = [channel.noise for channel in channels if channel.noise is not None]
+    if told:
+        return max(told)
+    one = channels[0]
+    try:
+        return noise_floor([channel.values[:, None, None] for channel in channels])
+    except DataError as error:
+        raise DataError(
+            f"{error} They are of the {one.kind} of {one.name}: give its noise in the map."
+        ) from None
+
+
+def channel_table(trajectory: Trajectory, channels: Sequence[ChannelNoise]) -> Floats:
+    """(T + 1, C) values of channels; NaN where a recording has none."""
+    found = np.full((trajectory.steps + 1, len(channels)), np.nan)
+    own = {channel.key: channel.values for channel in trajectory.channels}
+    for column, channel in enumerate(channels):
+        if channel.key in own:
+            found[:, column] = own[channel.key]
+    return found
 
 
 def noise_floor(points: Sequence[Floats]) -> float:

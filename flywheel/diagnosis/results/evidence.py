@@ -37,7 +37,7 @@ class Evidence:
     """Predictions against measurements; K windows, T steps, P points.
 
     Attributes:
-      points, cables: names of the tracked points, and of the cables.
+      points, cables: names of the tracked points and channels, and of the cables.
       recording, first: (K,) recording and first step of each window.
       dt: [s].
       sigma: noise [m].
@@ -77,7 +77,7 @@ class Evidence:
         named = [term for fit in (last, *others) for term in fit.terms if term.asked]
         rivals, likeness = _likeness(models[0], named)
         return cls(
-            points=tuple(point.name for point in windows.robot.points),
+            points=windows.names,
             cables=tuple(cable.name for cable in windows.robot.cables),
             recording=windows.recording,
             first=windows.first,
@@ -97,6 +97,11 @@ class Evidence:
             lags_after=_autocorrelation(windows, last),
             band=float(INTERVAL / np.sqrt(windows.noisy.sum())),
         )
+
+    @property
+    def places(self) -> np.ndarray:
+        """(P,) bool: True for points, False for channels, which have one coordinate."""
+        return np.asarray(np.isfinite(self.measured).any(axis=(0, 1)).all(axis=-1))
 
     def squares(self, points: Floats) -> Floats:
         """(K, P) mean square of measured minus these points, in noise variances; NaN of nothing."""

@@ -10,6 +10,7 @@ import numpy as np
 from mujoco.batch import Batch
 from mujoco.rollout import Rollout as MujocoRollout
 
+from flywheel.dynamics.plant.channels import ChannelKey, Channels
 from flywheel.dynamics.plant.laws import Geometry, Laws, Memories, grouped, has_laws
 from flywheel.dynamics.plant.parameters import PlantParameters, scaled
 from flywheel.dynamics.plant.plant import DISABLED, Plant
@@ -42,17 +43,20 @@ class Motion:
       states: (n, T + 1) full states.
       finite: (n,) bool; a diverged simulation repeats its start.
       memory: effect name -> (n, C) final memory of the cables.
+      channels: (n, T + 1, channels) measured beside the points [m or N].
     """
 
     points: Floats
     states: State
     finite: np.ndarray
     memory: Memories
+    channels: Floats
 
     def __getitem__(self, rows: np.ndarray) -> Motion:
         """A selection or permutation of the simulations."""
         memory = {name: held[rows] for name, held in self.memory.items()}
-        return Motion(self.points[rows], self.states[rows], self.finite[rows], memory)
+        points, channels = self.points[rows], self.channels[rows]
+        return Motion(points, self.states[rows], self.finite[rows], memory, channels)
 
     @classmethod
     def joined(cls, pieces: Sequence[Motion], rows: Sequence[np.ndarray]) -> Motion:
@@ -62,6 +66,7 @@ class Motion:
             State.joined([p.states for p in pieces]),
             np.concatenate([p.finite for p in pieces]),
             {name: np.concatenate([p.memory[name] for p in pieces]) for name in pieces[0].memory},
+            np.concatenate([p.channels for p in pieces]),
         )
         return whole[np.argsort(np.concatenate(rows))]
 
@@ -73,13 +78,15 @@ class AugmentedPlant:
 
     Args:
       plant: the plant without effects; one set of parameters.
+      channels: kinds and names of what is measured beside the points.
     """
 
-    def __init__(self, plant: Plant) -> None:
+    def __init__(self, plant: Plant, channels: Sequence[ChannelKey] = ()) -> None:
         self.plant, self.robot, self.dt = plant, plant.robot, plant.dt
         self.threads = max(1, plant.threads)
         self._scales = Scales.of(plant.robot)
-        self._model, self._movable = _with_pulls(plant, False), _with_pulls(plant, True)
+        both = (_with_pulls(plant, movable, channels) for movable in (False, True))
+        (self._model, self._channels), (self._movable, _) = both
         self._cables = Geometry.of(self._model, plant.robot, _parameters(plant))
         self._engine = MujocoRollout(nthread=self.threads if self.threads > 1 else 0)
         self._data = {
@@ -149,7 +156,7 @@ class AugmentedPlant:
     ) -> Motion:
         if not has_laws(terms):
             return self._rolled_out(base, start, told, terms, memory)
-        plant, steps = self.plant, told.shape[1]
+        plant, steps, forces = self.plant, told.shape[1], self._channels.forces
         batch = self._batch(base, terms)
         nq, nv = start.qpos.shape[1], start.qvel.shape[1]
         # Indices would be checked one by one, in every step.
@@ -162,27 +169,29 @@ class AugmentedPlant:
         driven = plant._drive.shape[1]
         ctrl[:] = 0.0
         states = np.empty((len(terms), steps + 1, nq + nv + start.act.shape[1]))
-        points = np.empty((len(terms), steps + 1, *plant._points.shape))
+        seen = np.empty((len(terms), steps + 1, sensors.shape[1]))
         batch.forward(first, stage=CURRENT)
         commands = plant.commands(told)
         for step in range(steps + 1):
             states[:, step] = np.concatenate(fields, axis=1)
-            points[:, step] = sensors[:, plant._points]
+            seen[:, step] = sensors
             if step == steps:
-                break
-            ctrl[:, :driven] = commands[:, step]
-            for _ in range(plant.substeps):
+                alive = ~batch.warning[: len(terms), DIVERGED, COUNT].any(axis=1)
+                memory = {name: held.copy() for name, held in laws.memory.items()}
+                if not forces:
+                    break
+            now = min(step, steps - 1)
+            ctrl[:, :driven] = commands[:, now]
+            for substep in range(plant.substeps if step < steps else 1):
                 cables = laws.cables()
                 if laws.on_rates:
-                    wanted = laws.told(told[:, step], cables)
-                    ctrl[:, :driven] = plant.commands(wanted)
+                    ctrl[:, :driven] = plant.commands(laws.told(told[:, now], cables))
                 if laws.on_tensions:
                     ctrl[:, driven:] = -laws.tension(cables)
                 batch.step(first, stage=CURRENT)
-        alive = ~batch.warning[: len(terms), DIVERGED, COUNT].any(axis=1)
-        _hold_diverged(states, points, alive)
-        state = State(*np.split(states, [nq, nq + nv], axis=-1))
-        return Motion(points, state, alive, laws.memory)
+                if substep == 0:
+                    seen[:, step, forces] = sensors[:, forces]
+        return self._motion(base, states, seen, alive, terms, memory)
 
     def _rolled_out(
         self,
@@ -200,13 +209,30 @@ class AugmentedPlant:
         models = [self._compiled(base, each) for each in terms]
         data, begun = self._data[id(base)], plant.packed(start)
         after, before = self._engine.rollout(models, data, begun, commands)
-        points = before[:, :: plant.substeps][..., plant._points]
         full = after[:, plant.substeps - 1 : -1 : plant.substeps]
         expected = self.dt * np.arange(1, steps + 1)
         alive = (np.abs(full[..., 0] - expected) < self.robot.timestep / 2).all(axis=1)
-        states = np.concatenate([begun[:, None], full], axis=1)
-        _hold_diverged(states, points, alive)
-        return Motion(points, plant.unpacked(states), alive, memory)
+        states = np.concatenate([begun[:, None], full], axis=1)[..., 1:]
+        return self._motion(base, states, before[:, :: plant.substeps], alive, terms, memory)
+
+    def _motion(
+        self,
+        base: mujoco.MjModel,
+        states: Floats,
+        seen: Floats,
+        alive: np.ndarray,
+        terms: Sequence[Terms],
+        memory: Memories,
+    ) -> Motion:
+        """The motion of states (n, T + 1, nq + nv + na) with sensor data (n, T + 1, S)."""
+        for row in np.flatnonzero(~alive):  # their later states are meaningless
+            states[row, 1:], seen[row, 1:] = states[row, 0], seen[row, 0]
+        keyframe = self.robot.keyframe
+        nq, nv = len(keyframe.qpos), len(keyframe.qvel)
+        state = State(*np.split(states, [nq, nq + nv], axis=-1))
+        models = [self._compiled(base, each) for each in terms] if self._channels.keys else []
+        channels = self._channels.read(seen, self.plant.winch(state), models)
+        return Motion(seen[..., self.plant._points], state, alive, memory, channels)
 
     def _batch(self, base: mujoco.MjModel, terms: Sequence[Terms]) -> Batch:
         """A batch whose first simulations run on the models required by the terms.
@@ -262,11 +288,15 @@ def edited(
     return model
 
 
-def _with_pulls(plant: Plant, movable: bool) -> mujoco.MjModel:
-    """The plant's model with one more actuator per cable, whose control is a tension [N].
+def _with_pulls(
+    plant: Plant, movable: bool, channels: Sequence[ChannelKey]
+) -> tuple[mujoco.MjModel, Channels]:
+    """The plant's model with one more actuator per cable, whose control is a tension [N], and channels.
 
     Args:
+      plant: the plant.
       movable: without MuJoCo's optimisation for bodies whose centre of mass never moves.
+      channels: kinds and names of what is measured beside the points.
     """
     spec = scene(plant.robot, plant.terrain)
     strip_visuals(spec)
@@ -281,9 +311,11 @@ def _with_pulls(plant: Plant, movable: bool) -> mujoco.MjModel:
     if movable:
         for body in spec.bodies[1:]:
             body.simple = False
+    sensors = Channels(spec, plant.robot, channels)
     model = spec.compile()
     model.opt.disableflags |= DISABLED
-    return scaled(model, plant.robot, _parameters(plant))
+    sensors.compiled(model)
+    return scaled(model, plant.robot, _parameters(plant)), sensors
 
 
 def _parameters(plant: Plant) -> PlantParameters:
@@ -295,9 +327,3 @@ def _parameters(plant: Plant) -> PlantParameters:
 def _pieces(rows: np.ndarray, most: int) -> list[np.ndarray]:
     """Rows in pieces of similar length, at most `most`."""
     return np.array_split(rows, -(-len(rows) // most)) if len(rows) else []
-
-
-def _hold_diverged(states: Floats, points: Floats, alive: np.ndarray) -> None:
-    """Let diverged simulations repeat their start, because their states are meaningless."""
-    for row in np.flatnonzero(~alive):
-        states[row, 1:], points[row, 1:] = states[row, 0], points[row, 0]

@@ -237,7 +237,8 @@ class _Trial:
             return first
         rest = augmented.simulate(first.states[:, -1], told[:, cut:], terms, first.memory)
         points = np.concatenate([first.points, rest.points[:, 1:]], axis=1)
-        return Motion(points, rest.states, first.finite & rest.finite, rest.memory)
+        finite = first.finite & rest.finite
+        return Motion(points, rest.states, finite, rest.memory, rest.channels)
 
     def _values(self, effect: Effect, factors: Sequence[float]) -> dict[str, float]:
         scales = Scales.of(self.augmented.robot)

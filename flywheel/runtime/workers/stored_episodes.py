@@ -142,8 +142,7 @@ def excerpt(episodes: Iterable[Episode], seconds: float, each: float | None) -> 
         steps = min(trajectory.steps, round(most / trajectory.dt))
         if steps < 1:
             break
-        seen = trajectory.observations[: steps + 1]
-        taken.append(Trajectory(seen, trajectory.controls[:steps], trajectory.dt))
+        taken.append(trajectory.first(steps))
         left -= steps * trajectory.dt
     return taken
 

@@ -146,14 +146,7 @@ class _DataSet:
         self.left |= dict.fromkeys(log.left)
         steps, number = track.steps, len(self._episodes)
         task = self._tasks.setdefault(episode.provenance.controller or "none", len(self._tasks))
-        names = {
-            STATE: point_names(self._robot),
-            WINCHES: list(log.sensors),
-            ACTION: [winch.name for winch in self._robot.winches],
-        }
-        points = log.points[:-1].reshape(steps, -1)
-        vectors = {STATE: points, WINCHES: log.winch[:-1], ACTION: log.controls}
-        vectors = {name: values for name, values in vectors.items() if names[name]}
+        names, vectors = _vectors(log, self._robot)
         singles = {
             "timestamp": (track.dt * np.arange(steps)).astype(np.float32),
             "frame_index": np.arange(steps),
@@ -161,10 +154,16 @@ class _DataSet:
             "index": self.frames + np.arange(steps),
             "task_index": np.full(steps, task),
         }
-        self._features = {
+        features = {
             name: {"dtype": "float64", "shape": [len(names[name])], "names": names[name]}
             for name in vectors
         }
+        if self._features not in ({}, features):
+            raise DataError(
+                f"Episode {episode.id} has tensions or lengths of other cables than others; a LeRobot "
+                "data set has the same of all."
+            )
+        self._features = features
         self._write(_table(vectors, singles))
         numbers = {
             name: _Numbers.of(np.asarray(values, float).reshape(steps, -1))
@@ -236,6 +235,22 @@ class _DataSet:
             self._writer = parquet.ParquetWriter(place, table.schema)
         self._size += table.nbytes
         self._writer.write_table(table)
+
+
+def _vectors(log: Logged, robot: Robot) -> tuple[dict[str, list[str]], dict[str, Floats]]:
+    """Names of the numbers of each vector of a frame, and the vectors (T, k)."""
+    names = {
+        STATE: point_names(robot),
+        WINCHES: list(log.sensors),
+        ACTION: [winch.name for winch in robot.winches],
+    }
+    points = log.points[:-1].reshape(len(log.controls), -1)
+    vectors = {STATE: points, WINCHES: log.winch[:-1], ACTION: log.controls}
+    for kind in dict.fromkeys(channel.kind for channel in log.channels):
+        some, name = [c for c in log.channels if c.kind == kind], f"observation.{kind}"
+        names[name] = [channel.name for channel in some]
+        vectors[name] = np.stack([channel.values[:-1] for channel in some], axis=1)
+    return names, {name: values for name, values in vectors.items() if names[name]}
 
 
 def _ranges(splits: Sequence[str]) -> dict[str, str]:

@@ -22,7 +22,8 @@ def write_mcap(episode: Episode, path: str | Path, robot: Robot) -> tuple[str, .
     """Write an episode; its time begins at 0.
 
     The topics are `/points` (positions of the tracked points that were seen [m]), `/commands` (of each winch
-    [m/s], or [m] for position-controlled ones) and `/winches` (measured positions [m]).
+    [m/s], or [m] for position-controlled ones), `/winches` (measured positions [m]), `/tension` [N] and
+    `/length` [m] (of cables).
 
     Returns:
       Content that a log cannot hold, see `Logged`.
@@ -36,11 +37,13 @@ def write_mcap(episode: Episode, path: str | Path, robot: Robot) -> tuple[str, .
     except ImportError:
         raise ConfigError("MCAP needs mcap: install flywheel[formats].") from None
     log = Logged.of(episode, robot)
-    topics = {
+    topics: dict[str, dict[str, Any]] = {
         "/points": dict.fromkeys((point.name for point in robot.points), PLACE),
         "/commands": dict.fromkeys((winch.name for winch in robot.winches), NUMBER),
         "/winches": dict.fromkeys(log.sensors, NUMBER),
     }
+    for channel in log.channels:
+        topics[f"/{channel.kind}"] = topics.get(f"/{channel.kind}", {}) | {channel.name: NUMBER}
     about = {"episode": episode.id, "robot": robot.name, "digest": robot.digest}
     with created(path) as place, place.open("xb") as file:
         writer = Writer(file)
@@ -71,3 +74,6 @@ def _messages(log: Logged, robot: Robot) -> Iterator[tuple[str, float, dict[str,
             yield "/commands", now, dict(zip(winches, log.controls[step].tolist(), strict=True))
         measured = dict(zip(log.sensors, log.winch[step].tolist(), strict=True))
         yield "/winches", now, {n: value for n, value in measured.items() if np.isfinite(value)}
+        for kind in dict.fromkeys(channel.kind for channel in log.channels):
+            values = {c.name: float(c.values[step]) for c in log.channels if c.kind == kind}
+            yield f"/{kind}", now, {n: value for n, value in values.items() if np.isfinite(value)}

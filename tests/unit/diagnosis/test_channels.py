@@ -1,0 +1,175 @@
+"""Tensions, lengths and winch positions beside the points: predicted, and weighted by their own noise."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flywheel.control import RandomControls
+from flywheel.diagnosis.comparison import compare
+from flywheel.diagnosis.fitting.model import ModelUnderTest, fitter_of
+from flywheel.diagnosis.fitting.windows import Windows
+from flywheel.dynamics.plant import AugmentedPlant, Motion, Plant
+from flywheel.effects import EFFECTS, NAMED, Term, Terms
+from flywheel.errors import DataError
+from flywheel.records import Floats, MeasuredChannel, Observation, Trajectory
+from flywheel.robots import Robot
+from flywheel.rotations import rotate
+from tests import draws
+from tests.unit.comparison.conftest import plant_of
+
+ROBOT, DT = "platform4", 0.01
+NOISE = {"tension": 0.2, "length": 2e-4, "winch": 1e-4}
+
+
+def channels_of(robot: Robot) -> list[tuple[str, str]]:
+    cables = [cable.name for cable in robot.cables]
+    return [(kind, name) for kind in ("tension", "length") for name in cables] + [
+        ("winch", robot.winches[1].name)
+    ]
+
+
+def moved(robot: Robot, terms: Terms, reach: float = 1.0, steps: int = 80) -> tuple[Motion, Floats]:
+    """A motion with channels, and its commands."""
+    augmented = AugmentedPlant(Plant(robot), channels_of(robot))
+    start = augmented.plant.settle(1.0)
+    at = augmented.plant.winch(start)[0]
+    told = at + reach * (RandomControls(robot, DT).sequence(at, steps, draws.seed() % 2**31) - at)
+    return augmented.simulate(start, augmented.commands(told[None], [terms]), [terms]), told
+
+
+def measured(
+    robot: Robot, terms: Terms, told_noise: bool = True, reach: float = 1.0, noise: float = 1e-3
+) -> Trajectory:
+    """The same, as a robot's sensors see it."""
+    (motion, told), rng = moved(robot, terms, reach), np.random.default_rng(draws.seed())
+    points = motion.points[0] + rng.normal(0, noise, motion.points[0].shape)
+    winch = Plant(robot).winch(motion.states)[0]
+    channels = tuple(
+        MeasuredChannel(
+            kind,
+            name,
+            values + rng.normal(0, NOISE[kind], len(values)),
+            NOISE[kind] if told_noise else None,
+        )
+        for (kind, name), values in zip(channels_of(robot), motion.channels[0].T, strict=True)
+    )
+    return Trajectory(Observation(points, winch), told, DT, channels=channels)
+
+
+def cables_of(robot: Robot, motion: Motion) -> tuple[Floats, Floats]:
+    """(T + 1, C) lengths of the cables and their rates, by poses and velocities."""
+    states = motion.states[0]
+    poses, speeds = states.qpos.reshape(-1, 1, 7)[:, 0], states.qvel.reshape(-1, 1, 6)[:, 0]
+    lengths, rates = [], []
+    for cable in robot.cables:
+        (a, va), (b, vb) = (
+            (end.offset, np.zeros(3))
+            if end.body < 0
+            else (
+                poses[:, :3] + rotate(poses[:, 3:], end.offset),
+                speeds[:, :3] + rotate(poses[:, 3:], np.cross(speeds[:, 3:], end.offset)),
+            )
+            for end in cable.ends
+        )
+        apart = b - a
+        lengths.append(np.linalg.norm(apart, axis=1))
+        rates.append((apart * (vb - va)).sum(axis=1) / lengths[-1])
+    return np.stack(lengths, axis=1), np.stack(rates, axis=1)
+
+
+@pytest.mark.parametrize(
+    ("name", "size"), [("", 0.0), ("cable_stiffness", 0.2), ("stiffening", 50.0)]
+)
+def test_a_plant_predicts_lengths_tensions_and_winch_positions(
+    robot: Robot, name: str, size: float
+):
+    terms = (Term((EFFECTS | NAMED)[name], None, (size,)),) if name else ()
+    motion, _ = moved(robot, terms)
+    lengths, rates = cables_of(robot, motion)
+    tension, length, winch = np.split(motion.channels[0], [4, 8], axis=1)
+    np.testing.assert_allclose(length, lengths, atol=1e-9)
+    act = motion.states.act[0]
+    np.testing.assert_array_equal(winch[:, 0], act[:, robot.winches[1].activation])
+    for i, cable in enumerate(robot.cables):
+        rest = act[:, robot.winches[cable.winch].activation]
+        spring = cable.stiffness * (lengths[:, i] - rest)
+        if name == "cable_stiffness":
+            spring *= 1.0 + size
+        if name == "stiffening":
+            taut = np.maximum(spring, 0.0)
+            spring += size * taut * (taut / cable.stiffness / rest) ** 2
+        pull = np.maximum(spring + cable.damping * rates[:, i], 0.0)
+        np.testing.assert_allclose(tension[:, i], pull, atol=1e-6 * pull.max())
+
+
+def test_channels_change_nothing_in_a_motion(robot: Robot) -> None:
+    terms = (Term(EFFECTS["hysteresis"], None, (2.0, 0.01)),)
+    motion, told = moved(robot, terms)
+    bare = AugmentedPlant(Plant(robot))
+    other = bare.simulate(bare.plant.settle(1.0), bare.commands(told[None], [terms]), [terms])
+    for a, b in zip(
+        (motion.points, *motion.states.arrays, motion.memory["hysteresis"]),
+        (other.points, *other.states.arrays, other.memory["hysteresis"]),
+        strict=True,
+    ):
+        np.testing.assert_array_equal(a, b)
+
+
+@pytest.mark.parametrize("told", [True, False])
+def test_each_channel_counts_by_its_own_noise(robot: Robot, told: bool) -> None:
+    windows = Windows.cut(robot, [measured(robot, (), told)], seconds=0.4)
+    got = {channel.key[0]: channel.sigma for channel in windows.channels}
+    assert got == (NOISE if told else pytest.approx(NOISE, rel=0.4))
+    points = len(robot.points)
+    assert windows.measured.shape[2] == points + 9
+    assert windows.noisy[:, :, points:].sum() == 2 * 41 * 9  # one number each
+    shifted = windows.measured.copy()
+    shifted[:, :, points:, 0] += windows.widened(
+        np.zeros((2, 41, points, 3)),
+        np.broadcast_to([c.sigma for c in windows.channels], (2, 41, 9)),
+    )[:, :, points:, 0]
+    off = replace(windows, measured=shifted).residual(windows.measured).reshape(shifted.shape)
+    np.testing.assert_allclose(off[:, :, points:, 0], 1.0)
+    assert (off[:, :, :points] == 0).all()
+
+
+def test_a_channel_that_never_changes_needs_a_noise(robot: Robot) -> None:
+    track = measured(robot, ())
+    stuck = MeasuredChannel("tension", robot.cables[0].name, np.full(81, 3.0))
+    with pytest.raises(
+        DataError, match=f"of the tension of {robot.cables[0].name}: give its noise"
+    ):
+        Windows.cut(robot, [replace(track, channels=(stuck,))], seconds=0.4)
+
+
+def test_tensions_tell_a_stiffness_that_points_hardly_tell(robot: Robot) -> None:
+    wanted, effect = 0.03, NAMED["cable_stiffness"]
+    track, found = measured(robot, (Term(effect, None, (wanted,)),)), {}
+    for name, seen in (("points", replace(track, channels=())), ("all", track)):
+        fitter = fitter_of(Windows.cut(robot, [seen], seconds=0.4), Plant(robot))
+        free = fitter.free((Term(effect, None, (0.0,)),))
+        fit = fitter.fit(fitter.first_estimate((Term(effect, None, (0.0,)),)), free, rounds=6)
+        found[name] = fit.terms[0].values[0]
+        assert fitter.rms(fit) == pytest.approx(0.001, rel=0.2)
+    assert found["all"] == pytest.approx(wanted, abs=0.004)
+    assert abs(found["points"] - wanted) > 2 * abs(found["all"] - wanted)
+
+
+def test_models_that_predict_only_points_are_tested_without_channels(robot: Robot) -> None:
+    under = ModelUnderTest(Plant(robot), plant_of(robot), 0)
+    assert under.windows([measured(robot, ())], 0.4).channels == ()
+    assert replace(under, model=None).windows([measured(robot, ())], 0.4).channels
+
+
+def test_compare_tells_the_error_of_each_channel_beside_that_of_noise(robot: Robot) -> None:
+    heavier = (Term(NAMED["body_mass"], None, (5.0,)),)
+    for terms, low, high in (((), 0.5, 1.5), (heavier, 2.0, 50.0)):
+        track = measured(robot, terms, reach=0.02, noise=5e-5)
+        found = compare([plant_of(robot)], [track], horizon=0.2, draws=40).models[0]
+        errors = found.channels
+        assert [error.channel.key for error in errors] == channels_of(robot)
+        times = np.array([error.rms / error.by_noise for error in errors])
+        assert (low < times[:4]).all() and (times[:4] < high).all()
+        assert found.summary(0.001)["channels"][0] == errors[0].summary()
+        assert errors[-1].by_noise == pytest.approx(NOISE["winch"], rel=0.1)
