@@ -1,4 +1,4 @@
-"""What the files of a recording have of points, winches and cables, each with its own times."""
+"""Points, winches and cables out of the files of a recording, each with its own times."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from flywheel.data.recordings.bodies import pose_points
+from flywheel.data.recordings.bodies import Poses, poses_of
 from flywheel.data.recordings.columns import channel_names
 from flywheel.data.recordings.lookup import Found, Sheets, length_of
 from flywheel.data.recordings.mapping import RecordingMap
@@ -23,17 +23,24 @@ def points_of(
 ) -> tuple[list[Series | None], list[Finding]]:
     """Positions of each tracked point in our frame; None for those that the map says nobody measured."""
     found: list[Series | None] = []
-    missing, notes = [], []
+    missing, notes = [], list[Finding]()
+    poses = dict[str, Poses]()
+    for body in robot.bodies:
+        if body.name in how.poses and any(
+            robot.points[i].name not in how.markers for i in body.points
+        ):
+            poses[body.name], more = poses_of(sheets, clocks, robot, body, how)
+            notes += more
     for point in robot.points:
-        body = robot.bodies[point.body].name
+        name = robot.bodies[point.body].name
         if point.name in how.markers:
-            name = how.markers[point.name]
-            each = None if name is None else sheets.needed(name)
+            marker = how.markers[point.name]
+            each = None if marker is None else sheets.needed(marker)
             if each is None:
                 words = "nobody measured it, as the map says"
                 notes.append(Finding("column", "noted", point.name, 0, words=words))
-        elif body in how.poses:
-            each = pose_points(sheets, body, point.offset, how)
+        elif name in poses:
+            each = poses[name].point(point.offset)
         else:
             each = sheets.columns(
                 tuple(how.columns.get(f"{point.name}.{a}", f"{point.name}.{a}") for a in "xyz")

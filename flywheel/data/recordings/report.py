@@ -21,7 +21,8 @@ class Finding:
 
     Attributes:
       kind: "missing", "infinite", "far", "repeat", "duplicate stamp", "irregular stamp", "gap",
-        "swap", "leap", "rod length", "rate", "height", "cable", "clock", "file", "column" or "channel".
+        "swap", "flip", "leap", "rod length", "rate", "height", "cable", "clock", "file", "column" or
+        "channel".
       action: taken.
       subject: the marker, pair or column; "" for the whole log.
       count: samples (or rows).
