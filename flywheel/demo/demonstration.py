@@ -25,6 +25,7 @@ from flywheel.diagnosis.comparison import Comparison, Outcome, Subject, compare
 from flywheel.dynamics.plant import Plant, Reckoning, with_effects
 from flywheel.effects import EFFECTS, NAMED, Effect, WrittenTerm
 from flywheel.errors import DataError, LinkError
+from flywheel.options import ComparisonOptions
 from flywheel.quantities import Bounds, ControlStep, DemoSeconds, HorizonSeconds, Samples, Threads
 from flywheel.records import Episode, Provenance, Split, Trajectory
 from flywheel.reports.comparison_page import sentence
@@ -295,14 +296,8 @@ def _compared(
     progress: Progress,
 ) -> Comparison:
     with progress.stage("compare", 1.0):
-        found = compare(
-            [subject],
-            list(recordings.values()),
-            horizon=config.horizon,
-            draws=config.draws,
-            seed=seed,
-            names=list(recordings),
-        )
+        options = ComparisonOptions(config.horizon, config.draws, seed)
+        found = compare([subject], list(recordings.values()), options, list(recordings))
     progress.say(f"{found.models[0].outcome}: {compared_words(found)}")
     return found
 

@@ -7,14 +7,13 @@ measurement noise [sigma^2].
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
-from inspect import getdoc
 from math import inf
 from typing import Any, TypeVar
 
 from flywheel.errors import ConfigError
+from flywheel.options import said_of
 from flywheel.quantities import Bounds
 from flywheel.registry import lookup
 from flywheel.smoothing import MotionPrior
@@ -549,17 +548,7 @@ def _numbers(settings: Any, prefix: str = "") -> Iterator[tuple[str, Setting]]:
         if is_dataclass(value):
             yield from _numbers(value, f"{path}.")
         elif isinstance(value, int | float):
-            yield path, Setting(value, _said_of(field.name, settings))
-
-
-def _said_of(name: str, record: Any) -> str:
-    """Description of one of a record's attributes in its docstring, in one line; "" for none."""
-    _, _, attributes = (getdoc(type(record)) or "").partition("Attributes:\n")
-    for entry in re.split(r"\n(?=  \S)", attributes):
-        names, _, text = entry.partition(":")
-        if name in names.strip().split(", "):
-            return " ".join(text.split())
-    return ""
+            yield path, Setting(value, said_of(field.name, type(settings)))
 
 
 def changed(settings: S, changes: Mapping[str, float]) -> S:

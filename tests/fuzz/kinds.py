@@ -22,8 +22,9 @@ from flywheel.dynamics.gnn import load_weights
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import AdoptedPlant
 from flywheel.errors import RobotError
+from flywheel.options import AdaptOptions
 from flywheel.robots import load_course, load_robot, read_robot
-from flywheel.robots.adapt import Options, adapt
+from flywheel.robots.adapt import adapt
 from flywheel.robots.problems import listed
 from flywheel.runtime.config.run_config import load_config
 from tests.fuzz import mutators, samples
@@ -175,7 +176,7 @@ def laboratories(work: Path) -> Kind:
 
         def used() -> None:
             winches = () if b"<actuator" in spoilt.content else ("*",)
-            adapted = adapt(path, Options(winches))
+            adapted = adapt(path, AdaptOptions(winches))
             if adapted.left:
                 raise RobotError(listed(adapted.left))
             read_robot(adapted.xml)

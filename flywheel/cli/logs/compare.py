@@ -15,9 +15,9 @@ from flywheel.cli.options import (
     JsonOption,
     PlantOption,
     ThreadsOption,
-    within,
 )
-from flywheel.quantities import HORIZON_SECONDS, SAMPLES, SEED
+from flywheel.cli.records import with_records
+from flywheel.options import ComparisonOptions
 
 if TYPE_CHECKING:
     from flywheel.diagnosis.comparison import Comparison
@@ -34,19 +34,6 @@ Models = Annotated[
         "correct` and `fit`). Repeatable.",
     ),
 ]
-HorizonOption = Annotated[
-    float,
-    typer.Option(help="Horizon of each prediction, in seconds.", callback=within(HORIZON_SECONDS)),
-]
-DrawsOption = Annotated[
-    int,
-    typer.Option(
-        help="Draws of the noise, for its influence on the error.", callback=within(SAMPLES)
-    ),
-]
-FitStarts = Annotated[
-    bool, typer.Option(help="Also the errors of plants with fitted initial states; slow.")
-]
 VideoOption = Annotated[
     Path | None,
     typer.Option(
@@ -55,16 +42,14 @@ VideoOption = Annotated[
 ]
 
 
+@with_records
 def compare(
     recordings: Annotated[list[Path], typer.Argument(metavar="CSV...", help="Logs to predict.")],
     robot: PlantOption,
     model: Models = None,
     effects_from: EffectsFromOption = None,
-    horizon: HorizonOption = 1.0,
+    options: ComparisonOptions = ComparisonOptions(),
     dt: DtOption = 0.01,
-    draws: DrawsOption = 100,
-    seed: Annotated[int, typer.Option(help="Seed of the draws.", callback=within(SEED))] = 0,
-    fit_starts: FitStarts = False,
     threads: ThreadsOption = 2,
     page: Annotated[Path, typer.Option(help="Output file of the HTML page.")] = Path(
         "comparison.html"
@@ -86,22 +71,15 @@ def compare(
     from flywheel.outputs import check_outputs
     from flywheel.runtime.config.demand import check_predictions
 
-    check_predictions(draws, horizon, dt, "--draws, --horizon, --dt")
+    check_predictions(options.draws, options.horizon, dt, "--draws, --horizon, --dt")
     inputs: list[str | Path] = [*recordings, *(effects_from or []), robot]
     check_outputs({"page": page, "JSON": json, "video": video}, inputs=inputs)
     out, specs, library = console(), model or [PLANT], Library.of(effects_from)
     predicted = open_plant(robot, dt, library=library).robot
     models = [open_model(spec, predicted, robot, dt, threads, library) for spec in specs]
     logs = read_logs(recordings, predicted, dt, out)
-    found = comparison.compare(
-        models,
-        [each.trajectory for each in logs],
-        horizon=horizon,
-        draws=draws,
-        seed=seed,
-        names=[each.name for each in logs],
-        fit_starts=fit_starts,
-    )
+    names, tracks = [each.name for each in logs], [each.trajectory for each in logs]
+    found = comparison.compare(models, tracks, options, names)
     _show(out, found)
     about = {
         "robot": f"{predicted.name} ({predicted.digest[:12]})",

@@ -197,10 +197,17 @@ def export(
     from flywheel.cli.runs.data import open_store
     from flywheel.data.recordings import write_recording
     from flywheel.data.recordings.exports import write_lerobot, write_mcap
+    from flywheel.errors import DataError
 
+    writers = {".csv": write_recording, ".mcap": write_mcap}
+    if output.suffix not in ("", *writers):
+        raise DataError(
+            f"The ending of {output} must be {' or '.join(writers)}, or none for a LeRobot data set; got "
+            f"{output.suffix!r}."
+        )
     owner, opened = _robot(store, robot), open_store(store)
     if output.suffix:
-        write = write_mcap if output.suffix == ".mcap" else write_recording
+        write = writers[output.suffix]
         found = opened.read(episode)
         left = write(found, output, owner)
         steps = found.trajectory.steps

@@ -6,21 +6,25 @@ import sys
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from flywheel.cli.console import Out, console
 from flywheel.cli.exits import FAILED
+from flywheel.cli.records import with_records
 from flywheel.cli.robot.picture import PictureOption, write_picture
 from flywheel.cli.robot.settling import control_step, verdict
+from flywheel.cli.robot.steps import chosen, said
+from flywheel.options import AdaptOptions
 
 if TYPE_CHECKING:
-    from flywheel.robots.adapt import Adapted, Change, Options
+    from flywheel.robots.adapt import Adapted, Change
 
 SETTLED = 0.01  # of the robot's length: a keyframe that is farther from rest is replaced
 
 
+@with_records
 def adapt(
     mjcf: Annotated[
         Path, typer.Argument(metavar="MJCF", help="An .xml; or a structure in .yaml or .json.")
@@ -29,24 +33,7 @@ def adapt(
         Path | None,
         typer.Option("--output", "-o", help="New file; by default MJCF's name with -robot.xml."),
     ] = None,
-    winch: Annotated[
-        list[str] | None,
-        typer.Option(help="Passive cables that become winches, by name or pattern: 'side*'."),
-    ] = None,
-    winch_kind: Annotated[
-        Literal["rate", "position"], typer.Option(help="Control of these winches.")
-    ] = "rate",
-    unit: Annotated[
-        Literal["m", "dm", "cm", "mm"] | None,
-        typer.Option(help="Of a structure's lengths; dm of nodes, m of a platform."),
-    ] = None,
-    up: Annotated[
-        Literal["x", "y", "z"] | None,
-        typer.Option(help="A structure's axis that points up; y of nodes, z of a platform."),
-    ] = None,
-    without: Annotated[
-        list[str] | None, typer.Option(help="Name of an adaptation to leave out.")
-    ] = None,
+    options: AdaptOptions = AdaptOptions(),
     picture: PictureOption = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="List the changes only.")] = False,
     yes: Annotated[bool, typer.Option("--yes", help="Take all guesses without asking.")] = False,
@@ -61,19 +48,23 @@ def adapt(
     flywheel robot adapt lab.xml -o my_robot.xml --winch 'side*'
     """
     from flywheel.outputs import check_outputs
-    from flywheel.robots.adapt import Options
+    from flywheel.registry import lookup
+    from flywheel.robots.adapt import ADAPTATIONS
+    from flywheel.robots.adapt.structures import is_structure
 
+    for name in options.without:
+        lookup(ADAPTATIONS, name, "adaptation")
     place = output or Path(f"{mjcf.stem}-robot.xml")
     if not dry_run:
         check_outputs({"robot": place, "picture": picture}, [mjcf])
-    left_out = frozenset(_known(without or []))
-    options = Options(tuple(winch or ()), winch_kind, unit or "", up or "", left_out)
     out = console()
     xml = _adapted(out, mjcf, options, ask=not dry_run and not yes)
     if xml is None:
         out.say(f"{mjcf} can be used as it is.", style="green")
         return
     xml, usable = _settled(out, xml)
+    if usable and is_structure(mjcf):
+        xml = _stepped(out, xml)
     if dry_run:
         out.say("Nothing is written (--dry-run).")
     else:
@@ -82,7 +73,7 @@ def adapt(
         raise typer.Exit(FAILED)
 
 
-def _adapted(out: Out, mjcf: Path, options: Options, ask: bool) -> str | None:
+def _adapted(out: Out, mjcf: Path, options: AdaptOptions, ask: bool) -> str | None:
     """The adapted MJCF, with its changes shown and, if `ask`, its guesses confirmed; None without changes.
 
     Raises:
@@ -114,15 +105,6 @@ def _write(out: Out, xml: str, place: Path, picture: Path | None) -> None:
     if picture is not None:
         write_picture(out, read_robot(xml), picture)
     out.say(f"Written: {place}. See it with: flywheel robot check {place}", style="bold")
-
-
-def _known(names: list[str]) -> list[str]:
-    from flywheel.registry import lookup
-    from flywheel.robots.adapt import ADAPTATIONS
-
-    for name in names:
-        lookup(ADAPTATIONS, name, "adaptation")
-    return names
 
 
 def _show(out: Out, mjcf: Path, adapted: Adapted) -> None:
@@ -209,3 +191,17 @@ def _settled(out: Out, xml: str) -> tuple[str, bool]:
             "begins with a fall."
         )
     return xml, usable
+
+
+def _stepped(out: Out, xml: str) -> str:
+    """A structure's robot, whose file says no time steps, with those that suit it."""
+    from flywheel.dynamics.plant import Plant
+    from flywheel.robots import read_robot
+    from flywheel.robots.adapt import with_steps
+
+    robot = read_robot(xml)
+    best = chosen(Plant(robot, control_step(robot, None)))
+    if best is None:
+        return xml
+    out.say(f"Its time steps are chosen by what they cost: {said(best)}.")
+    return with_steps(xml, best.integrator, best.timestep)

@@ -153,6 +153,26 @@ def _steps(plant: Plant) -> list[float]:
     return [step for step in steps if abs(plant.dt / step - round(plant.dt / step)) < 1e-6]
 
 
+def stable(errors: Sequence[StepError], damping: CableDamping) -> list[StepError]:
+    """Those of steps that are well below the stable limit of their integrator."""
+    return [e for e in errors if e.timestep <= SPARE * damping.limit(e.integrator)]
+
+
+def chosen(plant: Plant) -> StepError | None:
+    """The longest steps that are exact enough, else the most exact ones; None where none are measured."""
+    from flywheel.dynamics.plant import cable_damping
+    from flywheel.errors import ModelError
+
+    try:
+        safe = stable(measured(plant), cable_damping(plant))
+    except ModelError:
+        return None
+    enough = [each for each in safe if each.most <= ENOUGH * plant.robot.length]
+    if enough:
+        return max(enough, key=lambda each: (each.timestep, -each.median))
+    return min(safe, key=lambda each: each.median, default=None)
+
+
 def advice(errors: Sequence[StepError], robot: Robot, damping: CableDamping) -> str:
     """The error of a robot's time steps in words, and the option for better ones, if there are any.
 
@@ -161,10 +181,9 @@ def advice(errors: Sequence[StepError], robot: Robot, damping: CableDamping) -> 
       robot: of the steps.
       damping: of its cables.
     """
-    timestep = robot.timestep
+    timestep, safe = robot.timestep, stable(errors, damping)
     own = next(e for e in errors if (e.integrator, e.timestep) == (robot.integrator, timestep))
-    safe = [e for e in errors if e.timestep <= SPARE * damping.limit(e.integrator)]
-    words = f"Its time steps cost {_said(own)}, {_short(100 * own.median / robot.length)} % of L"
+    words = f"Its time steps cost {said(own)}, {_short(100 * own.median / robot.length)} % of L"
     enough = ENOUGH * robot.length
     longer = [
         e for e in safe if e.timestep > timestep and (e.median <= own.median or e.most <= enough)
@@ -174,17 +193,18 @@ def advice(errors: Sequence[StepError], robot: Robot, damping: CableDamping) -> 
         if better:
             best = min(better, key=lambda e: (-e.timestep, e.median))
             return (
-                f"{words}. {why}, {_said(best)}: write "
+                f"{words}. {why}, {said(best)}: write "
                 f'<option timestep="{best.timestep:.12g}" integrator="{best.integrator}"/>.'
             )
     finer = [e for e in safe if e.timestep < timestep]
     if finer:
         best = min(finer, key=lambda e: e.median)
-        words += f"; twice as many would cost {_said(best)}"
+        words += f"; twice as many would cost {said(best)}"
     return f"{words}. No other integrator is much better in steps of this length."
 
 
-def _said(error: StepError) -> str:
+def said(error: StepError) -> str:
+    """An error with its steps."""
     return (
         f"{_millimetres(error.median)} mm after {SECONDS:g} s ({error.integrator}, "
         f"{1e3 * error.timestep:.3g} ms)"

@@ -21,6 +21,7 @@ from flywheel.dynamics import Persistence, RestartedPlant
 from flywheel.dynamics.plant import Plant
 from flywheel.errors import DataError, ModelError
 from flywheel.evaluation import ExactSum
+from flywheel.options import ComparisonOptions
 from flywheel.records import Floats, Trajectory
 
 FEWEST_DRAWS = 2 * round(1 / LEVEL)  # with fewer, nothing could be more than noise
@@ -29,12 +30,8 @@ FEWEST_DRAWS = 2 * round(1 / LEVEL)  # with fewer, nothing could be more than no
 def compare(
     models: Sequence[Subject],
     recordings: Sequence[Trajectory],
-    *,
-    horizon: float = 1.0,
-    draws: int = 100,
-    seed: int = 0,
+    options: ComparisonOptions = ComparisonOptions(),
     names: Sequence[str] = (),
-    fit_starts: bool = False,
     settings: Settings = Settings(),
 ) -> Comparison:
     """Compare models with recordings.
@@ -42,33 +39,31 @@ def compare(
     Args:
       models: of one robot; the verdict is that of the last.
       recordings: unbatched, of the models' control step.
-      horizon: predicted from each present [s]; less if the recordings are shorter.
-      draws: of the noise, for its influence on each model's error.
-      seed: of the draws.
+      options: see there.
       names: of the recordings.
-      fit_starts: also report errors of plants with fitted starts, which takes longer than the rest.
-      settings: of those fits, as in a diagnosis.
+      settings: of fitted starts, as in a diagnosis.
 
     Raises:
       DataError: recordings cannot be used.
       ModelError: models do not fit them or each other, or have no finite prediction.
     """
-    begun = time.perf_counter()
+    begun, draws, seed = time.perf_counter(), options.draws, options.seed
     if draws < FEWEST_DRAWS:
         raise DataError(f"It takes {FEWEST_DRAWS} draws to tell noise from more, got {draws}.")
     _check(models, recordings)
     robot = models[0].dynamics.robot
     history = max(subject.dynamics.history for subject in models)
-    windows = ForecastWindows.cut(robot, recordings, horizon, history, names)
+    windows = ForecastWindows.cut(robot, recordings, options.horizon, history, names)
     windows = with_first_lengths(windows, Plant(robot, windows.dt), settings)
     nothing = Subject("nothing moves", Persistence(robot, windows.dt, windows.lead))
     still = _squares(windows, predicted(nothing, windows)[0])
     where = regions(windows)
+    fit_seed = seed if options.fit_starts else None
     streams = np.random.default_rng(seed).spawn(len(models))
     return Comparison(
         windows=windows,
         models=tuple(
-            judged(subject, windows, where, draws, rng, seed if fit_starts else None, settings)
+            judged(subject, windows, where, draws, rng, fit_seed, settings)
             for subject, rng in zip(models, streams, strict=True)
         ),
         persistence=mean_by_lead(still),

@@ -1,8 +1,8 @@
 """Adaptation of a laboratory's MJCF to a robot that can be used."""
 
 from flywheel.robots.adapt.adapting import ADAPTATIONS, STRUCTURE, Adapted, adapt
-from flywheel.robots.adapt.draft import Certainty, Change, Options
-from flywheel.robots.adapt.start import with_key
+from flywheel.robots.adapt.draft import Certainty, Change
+from flywheel.robots.adapt.start import with_key, with_steps
 
 __all__ = [
     "ADAPTATIONS",
@@ -10,7 +10,7 @@ __all__ = [
     "Adapted",
     "Certainty",
     "Change",
-    "Options",
     "adapt",
     "with_key",
+    "with_steps",
 ]

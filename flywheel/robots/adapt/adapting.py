@@ -12,7 +12,8 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from flywheel.errors import RobotError
-from flywheel.robots.adapt.draft import Change, Draft, Options
+from flywheel.options import AdaptOptions
+from flywheel.robots.adapt.draft import Change, Draft
 from flywheel.robots.adapt.files import includes, pictures
 from flywheel.robots.adapt.made_winches import made_winches
 from flywheel.robots.adapt.meshes import meshes
@@ -77,7 +78,7 @@ class Adapted:
     left: tuple[str, ...]
 
 
-def adapt(path: str | Path, options: Options | None = None) -> Adapted:
+def adapt(path: str | Path, options: AdaptOptions = AdaptOptions()) -> Adapted:
     """Adapt the MJCF of a file, in memory. The cables of a structure that is no MJCF become winches.
 
     Args:
@@ -87,7 +88,7 @@ def adapt(path: str | Path, options: Options | None = None) -> Adapted:
     Raises:
       MjcfError: no such file, or neither an MJCF nor a structure.
     """
-    options, root, made = options or Options(), None, []
+    root, made = None, []
     if is_structure(path):
         root, change = from_structure(path, options.unit, options.up)
         options, made = replace(options, winches=options.winches or ("*",)), [(STRUCTURE, change)]

@@ -6,13 +6,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
 
 from flywheel.errors import RobotError
+from flywheel.options import AdaptOptions
 from flywheel.robots.mjcf_reader import read_robot
 from flywheel.robots.mjcf_source import compiled, parsed, read_mjcf, without_keyframes
 from flywheel.robots.problems import problems_of
@@ -47,25 +48,6 @@ class Change:
     evidence: str = ""
 
 
-@dataclass(frozen=True)
-class Options:
-    """Requests to an adaptation.
-
-    Attributes:
-      winches: patterns (as of file names) of the passive cables that are to become winches.
-      kind: of these winches.
-      unit: of a structure's lengths, as "dm"; "" for the usual one of such files.
-      up: a structure's axis that points up, as "y"; "" for the usual one.
-      without: names of adaptations that are left out.
-    """
-
-    winches: tuple[str, ...] = ()
-    kind: Literal["rate", "position"] = "rate"
-    unit: str = ""
-    up: str = ""
-    without: frozenset[str] = frozenset()
-
-
 class Draft:
     """An MJCF that is being edited.
 
@@ -85,7 +67,9 @@ class Draft:
       MjcfError: no such file, or not an MJCF.
     """
 
-    def __init__(self, path: str | Path, options: Options, root: Element | None = None) -> None:
+    def __init__(
+        self, path: str | Path, options: AdaptOptions, root: Element | None = None
+    ) -> None:
         if root is None:
             root = parsed(read_mjcf(path), "The MJCF", comments=True)
         self.root = root

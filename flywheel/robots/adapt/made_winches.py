@@ -24,7 +24,7 @@ LAG = 0.1  # of a winch that takes positions [s]
 
 
 def made_winches(draft: Draft) -> Iterator[Change]:
-    """Winches on the passive cables whose names match `Options.winches`.
+    """Winches on the passive cables whose names match `AdaptOptions.winches`.
 
     Raises:
       RobotError: a pattern matches no passive cable with a stiffness.
@@ -59,7 +59,7 @@ def made_winches(draft: Draft) -> Iterator[Change]:
             "biasprm": digits(0.0, -model.tendon_stiffness[tendon], -model.tendon_damping[tendon]),
             "forcelimited": "true",
             "forcerange": digits(-model.tendon_stiffness[tendon] * max(rest, length), 0.0),
-            **_limits(draft.options.kind, rest, length),
+            **_limits(draft.options.winch_kind, rest, length),
         }
         draft.named("tendon", name).attrib |= {"stiffness": "0", "damping": "0"}
         ElementTree.SubElement(
@@ -68,7 +68,7 @@ def made_winches(draft: Draft) -> Iterator[Change]:
         draft.rests[winch] = rest
         for act, ctrl in zip(keys.act, keys.ctrl, strict=True):
             act[winch] = rest
-            ctrl[winch] = 0.0 if draft.options.kind == "rate" else rest
+            ctrl[winch] = 0.0 if draft.options.winch_kind == "rate" else rest
         numbers = " ".join(
             f'{key}="{value}"' for key, value in attributes.items() if "range" in key
         )

@@ -123,6 +123,15 @@ def with_key(xml: str, name: str, qpos: Floats, act: Floats) -> str:
     return ElementTree.tostring(root, encoding="unicode")
 
 
+def with_steps(xml: str, integrator: str, timestep: float) -> str:
+    """An MJCF with another integrator and time step [s]."""
+    root = parsed(xml, "The MJCF", comments=True)
+    option = root.find("option")
+    option = ElementTree.SubElement(root, "option") if option is None else option
+    option.attrib |= {"timestep": digits(timestep), "integrator": integrator}
+    return ElementTree.tostring(root, encoding="unicode")
+
+
 def _limits(model: mujoco.MjModel, actuator: int) -> tuple[float, float]:
     """Least and largest rest length [m], or tension [N], with which a winch may start."""
     low, high = 1e-9, np.inf

@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import AliasChoices, BeforeValidator, ConfigDict, Field
 
 from flywheel.errors import MjcfError
-from flywheel.files import read_json, read_yaml
+from flywheel.files import read_json, read_yaml, shown
 from flywheel.quantities import Bounds
 from flywheel.records import Floats
 from flywheel.robots.adapt.draft import Certainty, Change, Element, digits, fresh_name
@@ -25,7 +25,7 @@ from flywheel.validation import Frozen, validated
 ENDINGS = (".yaml", ".yml", ".json")
 UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001}
 UPS = {"x": (1, 2, 0), "y": (2, 0, 1), "z": (0, 1, 2)}  # their axes that are our x, y and z
-TIMESTEP = "0.002"  # [s]
+TIMESTEP = "0.0025"  # [s]; half and twice as much divide usual control steps, too
 THIN = 0.01  # radius of a rod that has none, share of its length
 FLAT = 0.1  # least side of a platform's box, share of its longest
 
@@ -61,7 +61,7 @@ class Net(Frozen):
 
     nodes: dict[Name, Place]
     pair_groups: dict[Name, tuple[tuple[Name, Name], ...]]
-    builders: dict[Name, Builder]
+    builders: dict[Name, Builder] = Field(default={})
 
 
 class Spring(Frozen):
@@ -108,13 +108,13 @@ def is_structure(path: str | Path) -> bool:
     return Path(path).suffix in ENDINGS
 
 
-def from_structure(path: str | Path, unit: str, up: str) -> tuple[Element, Change]:
+def from_structure(path: str | Path, unit: str | None, up: str | None) -> tuple[Element, Change]:
     """The MJCF of a structure, without winches, and what it was made of.
 
     Args:
       path: of the file.
-      unit: of its lengths, a key of `UNITS`; "" for the usual one of such files.
-      up: its axis that points up; "" for the usual one.
+      unit: of its lengths, a key of `UNITS`; None for the usual one of such files.
+      up: its axis that points up; None for the usual one.
 
     Raises:
       MjcfError: it cannot be read, or is no structure.
@@ -124,9 +124,10 @@ def from_structure(path: str | Path, unit: str, up: str) -> tuple[Element, Chang
     values = read(path, "structure", MjcfError)
     if not isinstance(values, Mapping):
         raise MjcfError(f"The structure {path} is no mapping of names to values.")
-    if other := sorted({"substructures", "bond_groups"} & values.keys()):
+    if "substructures" in values or "bond_groups" in values:
         raise MjcfError(
-            f"The structure {path} is built of others ({', '.join(other)}): write all nodes in one file."
+            f"The structure {path} is built of others{_included(values)}: write all nodes, pairs and "
+            "builders in one file."
         )
     known = "nodes" in values
     made = _Made(path.stem, unit or ("dm" if known else "m"), up or ("y" if known else "z"))
@@ -135,6 +136,14 @@ def from_structure(path: str | Path, unit: str, up: str) -> tuple[Element, Chang
     else:
         made.platform(validated(Platform, values, f"{path} is not a platform on cables", MjcfError))
     return made.root, made.change(asked=bool(unit and up))
+
+
+def _included(values: Mapping[str, Any]) -> str:
+    """The files that a structure includes, in brackets; "" where it does not say them."""
+    parts = values.get("substructures")
+    every = parts.values() if isinstance(parts, Mapping) else ()
+    paths = [shown(one["path"]) for one in every if isinstance(one, Mapping) and "path" in one]
+    return f" ({', '.join(dict.fromkeys(paths))})" if paths else ""
 
 
 @dataclass
@@ -318,6 +327,10 @@ class _Made:
 def _builder(net: Net, group: str) -> Builder:
     """The builder whose words are all in a group's name."""
     words = set(group.split())
+    if not net.builders:
+        raise MjcfError(
+            "There are no builders. A file that others include has theirs: write all of it in one file."
+        )
     found = [each for name, each in net.builders.items() if set(name.split()) <= words]
     if len(found) != 1:
         raise MjcfError(f"The pairs {group!r} have {len(found)} builders; they need one.")

@@ -1,11 +1,18 @@
 """`flywheel robot adapt` writes what `robot check` accepts, and asks before it guesses."""
 
+import numpy as np
 import pytest
+import yaml
 from typer.testing import CliRunner
 
 from flywheel.cli.main import app
 from flywheel.cli.robot import adapt as command
+from flywheel.cli.robot import steps
+from flywheel.dynamics.plant import Plant
+from flywheel.dynamics.plant.refined import with_steps
+from flywheel.robots import load_robot
 from tests.unit.robots import lab_files
+from tests.unit.robots.test_structures import NET
 
 run = CliRunner().invoke
 PLATFORM = lab_files.activations_in_the_key
@@ -72,3 +79,23 @@ def test_what_is_no_mjcf_or_no_adaptation_is_bad_input(mjcf, tmp_path):
     (tmp_path / "cut.xml").write_text("<mujoco>")
     for arguments in (["cut.xml"], ["none.xml"], [str(mjcf), "--without", "forse"]):
         assert run(app, ["robot", "adapt", *arguments]).exit_code == 2
+
+
+def test_a_structure_gets_the_time_steps_that_cost_the_least(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(steps, "MOTIONS", 2)
+    (tmp_path / "prism.yaml").write_text(yaml.safe_dump(NET))
+    done = run(app, ["robot", "adapt", "prism.yaml", "--yes"])
+    assert done.exit_code == 0, done.output
+    robot = load_robot("prism-robot.xml")
+    assert f"({robot.integrator}, {1e3 * robot.timestep:.3g} ms)" in done.output
+    assert robot.integrator == "Euler"
+    # Another motion than those by which they were chosen, beside one in far shorter steps.
+    plant, rng = Plant(robot), np.random.default_rng(5)
+    told = np.repeat(rng.uniform(-0.1, 0.1, (1, 5, len(robot.winches))), 20, axis=1)
+    ends = [
+        with_steps(plant, *each).simulate(plant.settle(1.0), told).observations.points[0, -1]
+        for each in (("Euler", 1e-4), (robot.integrator, robot.timestep), ("implicitfast", 0.002))
+    ]
+    chosen, usual = (np.linalg.norm(end - ends[0], axis=-1).max() for end in ends[1:])
+    assert chosen < usual / 2

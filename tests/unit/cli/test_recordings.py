@@ -65,6 +65,9 @@ def test_logs_come_into_a_new_store_with_a_report(logs: list[Path], tmp_path: Pa
     assert "101 rows" in ask("export", place, first, out, "--robot", "prism3")
     assert out.read_bytes() == logs[0].read_bytes()
     assert "not overwritten" in ask("export", place, first, out, "--robot", "prism3", code=2)
+    wrong = ask("export", place, first, tmp_path / "out.txt", "--robot", "prism3", code=2)
+    assert "must be .csv or .mcap, or none for a LeRobot data set; got '.txt'" in wrong
+    assert not (tmp_path / "out.txt").exists()
 
 
 def test_a_report_for_scripts_is_json(logs: list[Path], tmp_path: Path) -> None:

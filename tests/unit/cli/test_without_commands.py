@@ -11,6 +11,7 @@ from flywheel.cli.main import app
 from flywheel.data.recordings import read_recording, write_recording
 from flywheel.diagnosis.comparison import Subject, compare
 from flywheel.dynamics.plant import Plant
+from flywheel.options import ComparisonOptions
 from flywheel.records import Episode, Observation, Provenance, State, Trajectory
 from flywheel.robots import Robot, load_robot
 
@@ -84,7 +85,11 @@ def test_logs_without_commands_are_imported_and_compared():
     robot = load_robot("platform.xml")
     for name, outcome in (("platform", "NOISE_ONLY"), ("damped", "MORE_THAN_NOISE")):
         (episode,) = read_recording(f"{name}.csv", robot).episodes
-        found = compare([Subject.of_plant("plant", Plant(robot))], [episode.trajectory], draws=40)
+        found = compare(
+            [Subject.of_plant("plant", Plant(robot))],
+            [episode.trajectory],
+            ComparisonOptions(draws=40),
+        )
         assert found.models[0].outcome == outcome
 
 

@@ -5,6 +5,7 @@ import pytest
 
 from flywheel.diagnosis.comparison import Comparison, Subject, compare
 from flywheel.dynamics.plant import Plant, RestartedPlant
+from flywheel.options import ComparisonOptions
 from flywheel.records import Trajectory
 from flywheel.robots import Robot
 from flywheel.truth_simulator import hidden_effect
@@ -38,4 +39,6 @@ def nothing_hidden(robot: Robot, seed: int) -> list[Trajectory]:
 
 @pytest.fixture(scope="session")
 def found(robot: Robot, nothing_hidden: list[Trajectory], seed: int) -> Comparison:
-    return compare([plant_of(robot)], nothing_hidden, horizon=0.5, draws=60, seed=seed)
+    return compare(
+        [plant_of(robot)], nothing_hidden, ComparisonOptions(horizon=0.5, draws=60, seed=seed)
+    )

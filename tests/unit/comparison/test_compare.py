@@ -13,6 +13,7 @@ from flywheel.dynamics import Persistence
 from flywheel.dynamics.gnn import ChunkNetwork, LearnedDynamics, NetworkConfig
 from flywheel.dynamics.plant import Plant, RestartedPlant
 from flywheel.errors import DataError, ModelError
+from flywheel.options import ComparisonOptions
 from flywheel.records import Floats, Past, Rollout, Trajectory
 from flywheel.robots import Robot, load_robot
 from tests.unit.comparison.conftest import plant_of, recordings
@@ -32,7 +33,9 @@ def test_where_nothing_is_hidden_little_is_left_of_the_plants_error(found, seed)
 def test_a_hidden_effect_is_more_than_noise(effect: str, size: float, seed: int) -> None:
     robot = load_robot("platform4")
     with_effect = recordings(robot, effect, seed, 2.0, size)
-    found = compare([plant_of(robot)], with_effect, horizon=0.7, draws=90, seed=seed)
+    found = compare(
+        [plant_of(robot)], with_effect, ComparisonOptions(horizon=0.7, draws=90, seed=seed)
+    )
     assert found.models[0].outcome is Outcome.MORE_THAN_NOISE, (seed, found.models[0].excess)
     assert found.exit_code == 1
 
@@ -45,7 +48,7 @@ def test_an_untrained_network_is_more_than_noise_though_noise_moves_it_far(
     torch.manual_seed(seed)
     network = LearnedDynamics(robot, ChunkNetwork(robot, NetworkConfig()))
     both = [Subject("network", network), plant_of(robot)]
-    found = compare(both, logs, horizon=0.4, draws=60, seed=seed)
+    found = compare(both, logs, ComparisonOptions(horizon=0.4, draws=60, seed=seed))
     untrained, plant = found.models
     assert untrained.outcome is Outcome.MORE_THAN_NOISE, seed
     assert untrained.noise_rms[0] > plant.noise_rms[2], seed
@@ -54,7 +57,9 @@ def test_an_untrained_network_is_more_than_noise_though_noise_moves_it_far(
 
 def test_a_model_in_which_nothing_moves_is_the_line_of_persistence(robot, nothing_hidden, found):
     still = Persistence(robot, 0.01, found.windows.lead)
-    again = compare([Subject("still", still)], nothing_hidden, horizon=0.5, draws=40)
+    again = compare(
+        [Subject("still", still)], nothing_hidden, ComparisonOptions(horizon=0.5, draws=40)
+    )
     assert np.allclose(again.models[0].by_lead, again.persistence)
     assert again.models[0].outcome is Outcome.MORE_THAN_NOISE
 
@@ -69,7 +74,7 @@ class FarOff(Persistence):
 
 def test_the_error_of_a_model_that_is_far_off_is_told_in_full(robot, nothing_hidden, seed):
     far = Subject("far", FarOff(robot, 0.01))
-    found = compare([far], nothing_hidden[:1], horizon=0.5, draws=40, seed=seed)
+    found = compare([far], nothing_hidden[:1], ComparisonOptions(horizon=0.5, draws=40, seed=seed))
     summary = found.summary()["models"][0]
     assert summary["error"]["rms"] == pytest.approx(2000.0, abs=1.0)
     by_lead = np.mean(summary["by_lead_time"]["mean_square"]) * found.windows.sigma**2
@@ -80,7 +85,11 @@ def test_the_error_of_a_model_that_is_far_off_is_told_in_full(robot, nothing_hid
 
 def test_the_same_seed_gives_the_same_numbers_and_another_other_draws(robot, nothing_hidden):
     def summary(seed: int) -> dict[str, object]:
-        found = compare([plant_of(robot)], nothing_hidden[:1], horizon=0.5, draws=40, seed=seed)
+        found = compare(
+            [plant_of(robot)],
+            nothing_hidden[:1],
+            ComparisonOptions(horizon=0.5, draws=40, seed=seed),
+        )
         return {**found.summary(), "seconds": 0.0}
 
     assert summary(1) == summary(1)
@@ -100,7 +109,7 @@ def test_missing_measurements_are_neither_counted_nor_held_against_a_model(
         gappy.append(
             dataclasses.replace(t, observations=dataclasses.replace(t.observations, points=points))
         )
-    found = compare([plant_of(robot)], gappy, horizon=0.4, draws=40, seed=seed)
+    found = compare([plant_of(robot)], gappy, ComparisonOptions(horizon=0.4, draws=40, seed=seed))
     assert found.models[0].whole.count == np.isfinite(found.windows.measured).sum()
     assert found.models[0].whole.count < found.windows.measured.size
     assert found.models[0].excess < LOUD + 0.15, seed
@@ -108,7 +117,9 @@ def test_missing_measurements_are_neither_counted_nor_held_against_a_model(
 
 def test_the_summary_is_plain_json_and_speaks_for_the_last_model(robot, nothing_hidden):
     still = Subject("still", Persistence(robot, 0.01))
-    found = compare([plant_of(robot), still], nothing_hidden[:1], horizon=0.5, draws=40)
+    found = compare(
+        [plant_of(robot), still], nothing_hidden[:1], ComparisonOptions(horizon=0.5, draws=40)
+    )
     summary = json.loads(json.dumps(found.summary()))
     assert summary["verdict"] == summary["models"][1]["verdict"] == "MORE_THAN_NOISE"
     assert summary["models"][0]["where"]["points by end cap"][0]["bin"] == robot.points[0].name
@@ -126,4 +137,4 @@ def test_models_that_do_not_fit_are_refused(robot: Robot, nothing_hidden: list[T
     with pytest.raises(ModelError, match=r"slow predicts at 0.02 s, a recording has 0.01 s"):
         compare([slow], nothing_hidden)
     with pytest.raises(DataError, match="40 draws to tell noise from more, got 3"):
-        compare([plant], nothing_hidden, draws=3)
+        compare([plant], nothing_hidden, ComparisonOptions(draws=3))

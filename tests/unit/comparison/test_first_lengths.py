@@ -12,6 +12,7 @@ from flywheel.diagnosis.comparison.fitted_starts import fitted_starts
 from flywheel.diagnosis.settings import Settings, changed
 from flywheel.dynamics import Persistence
 from flywheel.dynamics.plant import Plant
+from flywheel.options import ComparisonOptions
 from flywheel.records import Floats, Observation, State, Trajectory
 from flywheel.reports.comparison_page import about_lengths, sentence
 from flywheel.robots import Robot, load_robot
@@ -44,7 +45,7 @@ def driven(
 
 def found(robot: Robot, log: Trajectory, *models: Subject, fit_starts: bool = False) -> Comparison:
     subjects = models or (Subject.of_plant("plant", Plant(robot, DT)),)
-    return compare(subjects, [log], horizon=0.8, draws=40, fit_starts=fit_starts)
+    return compare(subjects, [log], ComparisonOptions(horizon=0.8, draws=40, fit_starts=fit_starts))
 
 
 def test_a_model_that_is_exact_leaves_noise_only_of_a_log_that_begins_in_motion(swing):

@@ -13,6 +13,7 @@ from flywheel.diagnosis.comparison.result import EXIT_CODES
 from flywheel.diagnosis.fitting.model import fitted
 from flywheel.diagnosis.settings import FittingSettings
 from flywheel.dynamics.plant import Plant
+from flywheel.options import ComparisonOptions
 from flywheel.records import Floats, Observation, State, Trajectory
 from flywheel.reports.comparison_page import sentence
 from flywheel.robots import Robot, load_robot
@@ -67,7 +68,7 @@ def test_where_most_fits_end_far_above_unfitted_starts_nothing_is_said(swing: Ro
     found = fitted_starts(Plant(swing, DT), windows, squares(windows, 1.0), 0)
     assert found.left_out > found.windows / 2 and not found.converged
     plant = Subject.of_plant("plant", Plant(swing, DT))
-    answer = compare([plant], [measured(swing)], horizon=HORIZON, draws=40)
+    answer = compare([plant], [measured(swing)], ComparisonOptions(horizon=HORIZON, draws=40))
     lost = dataclasses.replace(answer.models[0], fitted=found)
     assert lost.outcome is Outcome.NOT_CONVERGED
     assert dataclasses.replace(answer, models=(lost,)).exit_code == EXIT_CODES[lost.outcome] == 21
@@ -77,7 +78,7 @@ def test_where_most_fits_end_far_above_unfitted_starts_nothing_is_said(swing: Ro
 def test_fitted_starts_are_no_worse_than_unfitted_ones_where_winches_are_not_as_told(swing):
     log = measured(swing, faster=1.3)
     plant = Subject.of_plant("plant", Plant(swing, DT))
-    answer = compare([plant], [log], horizon=HORIZON, draws=40, fit_starts=True)
+    answer = compare([plant], [log], ComparisonOptions(horizon=HORIZON, draws=40, fit_starts=True))
     (judged,) = answer.models
     assert judged.fitted is not None
     assert judged.outcome is Outcome.MORE_THAN_NOISE

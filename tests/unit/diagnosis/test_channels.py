@@ -12,6 +12,7 @@ from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.dynamics.plant import AugmentedPlant, Motion, Plant
 from flywheel.effects import EFFECTS, NAMED, Term, Terms
 from flywheel.errors import DataError
+from flywheel.options import ComparisonOptions
 from flywheel.records import Floats, MeasuredChannel, Observation, Trajectory
 from flywheel.robots import Robot
 from flywheel.rotations import rotate
@@ -166,7 +167,9 @@ def test_compare_tells_the_error_of_each_channel_beside_that_of_noise(robot: Rob
     heavier = (Term(NAMED["body_mass"], None, (5.0,)),)
     for terms, low, high in (((), 0.5, 1.5), (heavier, 2.0, 50.0)):
         track = measured(robot, terms, reach=0.02, noise=5e-5)
-        found = compare([plant_of(robot)], [track], horizon=0.2, draws=40).models[0]
+        found = compare(
+            [plant_of(robot)], [track], ComparisonOptions(horizon=0.2, draws=40)
+        ).models[0]
         errors = found.channels
         assert [error.channel.key for error in errors] == channels_of(robot)
         times = np.array([error.rms / error.by_noise for error in errors])

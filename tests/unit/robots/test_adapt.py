@@ -9,13 +9,13 @@ import pytest
 
 from flywheel.dynamics.plant import Plant
 from flywheel.errors import MjcfError
+from flywheel.options import AdaptOptions
 from flywheel.robots import read_robot
 from flywheel.robots.adapt import (
     ADAPTATIONS,
     Adapted,
     Certainty,
     Change,
-    Options,
     adapt,
     adapting,
     with_key,
@@ -30,7 +30,7 @@ from tests.unit.robots.lab_files import ADAPTABLE, DRIVEN_FROM_PYTHON, REFUSED
 
 def adapted(make, folder: Path, **options) -> Adapted:
     winches = DRIVEN_FROM_PYTHON.get(make.__name__, ())
-    return adapt(make(folder), Options(**{"winches": winches} | options))
+    return adapt(make(folder), AdaptOptions(**{"winches": winches} | options))
 
 
 def model_of(text: str) -> mujoco.MjModel:
@@ -184,7 +184,7 @@ def test_what_an_actuator_has_beside_its_stiffness_is_not_lost(old, new, words, 
 def test_springs_of_polynomials_become_no_winches(tmp_path):
     path = lab_files.crossed_bars(tmp_path)
     lab_files.written(tmp_path, path.read_text().replace('stiffness="500"', 'stiffness="500 20"'))
-    assert "matches no passive cable" in adapt(path, Options(winches=("*",))).left[0]
+    assert "matches no passive cable" in adapt(path, AdaptOptions(winches=("*",))).left[0]
 
 
 def test_two_actuators_on_a_cable_become_one(tmp_path):
@@ -216,7 +216,7 @@ def test_a_sensor_of_a_rope_s_limit_stays(tmp_path):
     path = lab_files.ropes(tmp_path)
     sensor = '<sensor><tendonlimitfrc name="f" tendon="p0-c0"/></sensor></mujoco>'
     lab_files.written(tmp_path, path.read_text().replace("</mujoco>", sensor))
-    assert adapt(path, Options(winches=("*",))).left == ()
+    assert adapt(path, AdaptOptions(winches=("*",))).left == ()
 
 
 def test_an_adaptation_that_mujoco_refuses_mends_nothing(tmp_path, monkeypatch):
@@ -238,12 +238,12 @@ def test_springs_become_winches_that_hold_what_the_springs_did(tmp_path):
     assert {(cable.stiffness, cable.damping) for cable in robot.cables} == {(500.0, 9.0)}
     lengths = [cable.rest_length for cable in robot.cables]
     assert lengths == pytest.approx(np.full(4, np.hypot(0.6 * np.cos(np.pi / 4), 0.06)), abs=1e-12)
-    positions = read_robot(adapted(lab_files.crossed_bars, tmp_path, kind="position").xml)
+    positions = read_robot(adapted(lab_files.crossed_bars, tmp_path, winch_kind="position").xml)
     assert [winch.kind for winch in positions.winches] == ["position"] * 4
 
 
 def test_a_pattern_that_matches_no_passive_cable_is_told_with_those_that_there_are(tmp_path):
-    result = adapt(lab_files.crossed_bars(tmp_path), Options(winches=("z*",)))
+    result = adapt(lab_files.crossed_bars(tmp_path), AdaptOptions(winches=("z*",)))
     assert (
         result.left[0].startswith("--winch 'z*' matches no passive cable")
         and "a0-b0" in result.left[0]

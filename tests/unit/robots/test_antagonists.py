@@ -12,6 +12,7 @@ from flywheel.dynamics.plant import Plant
 from flywheel.dynamics.plant.roll import rest_lengths
 from flywheel.effects import EFFECTS
 from flywheel.errors import RobotError
+from flywheel.options import ComparisonOptions
 from flywheel.records import Episode, Observation, Provenance, Trajectory
 from flywheel.robots import Robot, read_robot
 
@@ -94,7 +95,9 @@ def test_a_log_has_one_column_for_both_and_its_model_is_noise_only(tmp_path):
     episode = Episode("e", Trajectory(seen, told, 0.01), Provenance(robot.digest), "train")
     write_recording(episode, tmp_path / "log.csv", robot)
     (back,) = read_recording(tmp_path / "log.csv", robot).episodes
-    found = compare([Subject.of_plant("plant", plant)], [back.trajectory], draws=40)
+    found = compare(
+        [Subject.of_plant("plant", plant)], [back.trajectory], ComparisonOptions(draws=40)
+    )
     assert found.models[0].outcome == "NOISE_ONLY"
 
 

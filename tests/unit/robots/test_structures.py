@@ -9,8 +9,9 @@ import pytest
 import yaml
 
 from flywheel.errors import MjcfError
+from flywheel.options import AdaptOptions
 from flywheel.robots import read_robot
-from flywheel.robots.adapt import Adapted, Options, adapt
+from flywheel.robots.adapt import Adapted, adapt
 from flywheel.robots.mjcf_source import compiled
 
 # A prism of three rods in decimetres, y up, as NTRT has it: triangles turned by 150 degrees.
@@ -45,7 +46,7 @@ PLATFORM = {
 def made(values: object, folder: Path, name: str = "robot.yaml", **options: str) -> Adapted:
     path = folder / name
     path.write_text(json.dumps(values) if name.endswith("json") else yaml.safe_dump(values))
-    return adapt(path, Options(**options))
+    return adapt(path, AdaptOptions(**options))
 
 
 def at_start(xml: str) -> tuple[mujoco.MjModel, mujoco.MjData]:
@@ -121,7 +122,12 @@ def test_a_platform_in_millimetres_with_its_inertia(tmp_path):
 
 
 REFUSED = [
-    ({**NET, "substructures": {}}, "built of others .substructures."),
+    ({**NET, "substructures": {}}, "built of others: write all nodes"),
+    (
+        {"substructures": {"a": {"path": "base/3Prism.yaml"}}},
+        "of others .'base/3Prism.yaml'.: write",
+    ),
+    ({**NET, "builders": {}}, "no builders. A file that others include has theirs"),
     ({**NET, "nodes": {"low0": [0, 0, 0]}}, "Pairs name nodes that there are not: low1"),
     ({**NET, "builders": {"rod": NET["builders"]["rod"]}}, "'string' have 0 builders"),
     ({**NET, "builders": NET["builders"] | {"string": {"class": "tgBoxInfo"}}}, "are tgBoxInfo"),

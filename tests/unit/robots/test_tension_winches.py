@@ -16,6 +16,7 @@ from flywheel.dynamics.gnn import ChunkNetwork, NetworkConfig
 from flywheel.dynamics.plant import EffectivePlant, Plant
 from flywheel.effects import EFFECTS, NAMED, Scales, Term
 from flywheel.errors import DataError, RobotError
+from flywheel.options import ComparisonOptions
 from flywheel.records import Episode, Floats, Observation, Provenance, Trajectory
 from flywheel.robots import Robot, read_robot
 from flywheel.truth_simulator.simulator import TruthSimulator
@@ -161,7 +162,9 @@ def test_a_log_in_kilonewtons_comes_back_and_its_model_is_noise_only(robot: Robo
     how = RecordingMap.model_validate({"units": {"tension": "kN"}})
     (back,) = read_recording(path, robot, how=how).episodes
     assert back.trajectory.controls == pytest.approx(episode.trajectory.controls, rel=1e-12)
-    found = compare([Subject.of_plant("plant", Plant(robot))], [back.trajectory], draws=40)
+    found = compare(
+        [Subject.of_plant("plant", Plant(robot))], [back.trajectory], ComparisonOptions(draws=40)
+    )
     assert found.models[0].outcome == "NOISE_ONLY"
 
 
