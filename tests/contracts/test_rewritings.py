@@ -19,7 +19,7 @@ from flywheel.dynamics.plant.refined import refined
 from flywheel.effects import EFFECTS, NAMED, Scales, Term
 from flywheel.records import Observation, State, Trajectory
 from flywheel.robots import ROBOTS, Box, Robot, load_robot, read_robot
-from flywheel.terrain import Terrain
+from flywheel.terrain import Terrain, with_boxes
 from flywheel.truth_simulator.body_effects import Payload
 from flywheel.truth_simulator.ground_effects import RollingResistance
 from flywheel.truth_simulator.simulator import TruthSimulator
@@ -50,7 +50,8 @@ def surroundings(robot: Robot) -> dict[str, dict[str, Any]]:
         Box(center=(x, y, top - 0.3), half_size=(0.2, 0.2, 0.3)),
         Box(center=(x + 1.0, y, top - 0.3), half_size=(0.5, 3.0, 0.3)),
     )
-    found: dict[str, dict[str, Any]] = {"alone": {}, "among boxes": {"obstacles": boxes}}
+    walled = {"terrain": with_boxes(None, boxes)}
+    found: dict[str, dict[str, Any]] = {"alone": {}, "among boxes": walled}
     if robot.grounded:
         slope = 0.2 * np.arange(-8, 8.1, 0.4)[:, None] * np.ones(41)
         hills = Terrain(slope - 0.2 * x + top, 0.4, (-8.0, -8.0))
