@@ -6,7 +6,7 @@ import torch
 
 from flywheel.errors import ConfigError, DataError
 from flywheel.robots import symmetries_of
-from flywheel.terrain import Terrain
+from flywheel.terrain import Box, Terrain
 from flywheel.training.batches import Draw, generator, noisy, relabelled, to_batch, turned
 from tests import draws
 
@@ -106,7 +106,8 @@ def test_episodes_shorter_than_a_window_are_refused(train):
 
 def test_turned_and_shifted_windows_stand_on_the_same_ground(train):
     rng = np.random.default_rng(draws.seed())
-    terrain = Terrain(rng.uniform(-0.2, 0.2, (30, 30)), 0.5, (-7.0, -7.5))
+    wall = Box(center=(1.0, 0.5, 0.3), half_size=(0.3, 4.0, 0.2), quaternion=(0.6, 0.0, 0.48, 0.64))
+    terrain = Terrain(rng.uniform(-0.2, 0.2, (30, 30)), 0.5, (-7.0, -7.5), (wall,))
     windows = train.gather(train.starts(20)[::9], 20)
     windows = dataclasses.replace(windows, terrains=(terrain,) * len(windows.points))
     batch = to_batch(turned(windows, rng), 8)
@@ -115,6 +116,11 @@ def test_turned_and_shifted_windows_stand_on_the_same_ground(train):
     expected, _ = terrain.at(windows.points[:, 7:, :, :2])
     expected = np.moveaxis(expected, 0, -1).reshape(heights.shape)
     assert np.quantile(np.abs(heights.numpy() - expected), 0.95) < 1e-4
+    points = batch.points.permute(3, 1, 2, 0).flatten(1, 2)
+    away = batch.ground.nearest(points, 1)[0][0].numpy()
+    beyond = np.moveaxis(wall.beyond(windows.points[:, 7:]), 0, -2).reshape(*away.shape, 3)
+    outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=-1)
+    assert np.abs(away.clip(0.0) - outside).max() < 1e-4
     piece = batch[2:5]
     assert len(piece.terrains) == 3
     part, _ = piece.ground(places[..., 2:5])
