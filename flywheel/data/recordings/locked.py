@@ -41,8 +41,8 @@ def with_locked(
         return log, []
     at = np.clip(robot.winch_of(robot.keyframe) + longer, robot.rest_low, robot.rest_high)
     places = listed([f"{w.name} at {a:.6g} m" for w, a in zip(robot.winches, at, strict=True)])
-    words = f"winches were locked where their cables are as long as was seen: {places}"
-    note = Finding("channel", "noted", "", 0, words=words)
+    words = f"locked where their cables are as long as was seen: {places}"
+    note = Finding("channel", "noted", "the winches", 0, words=words)
     rows = len(log.time)
     winch, controls = (np.tile(each, (rows, 1)) for each in (at, robot.holding(at)))
     return replace(log, winch=winch, controls=controls), [note]
