@@ -17,7 +17,7 @@ from tests.unit.robots.test_structures import PLATFORM, made
 def test_a_platform_that_hangs_lower_has_longer_cables(
     kind: str, lower: float, tmp_path: Path
 ) -> None:
-    robot = read_robot(made(PLATFORM, tmp_path, kind=kind).xml)
+    robot = read_robot(made(PLATFORM, tmp_path, winch_kind=kind).xml)
     plant = Plant(robot)
     start = plant.rest()
     start = replace(start, act=start.act + lower)
