@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from inspect import getdoc
 from typing import Annotated, Literal
 
-from flywheel.quantities import HORIZON_SECONDS, SAMPLES, SEED
+from flywheel.quantities import DRAWS, HORIZON_SECONDS, SEED
 
 
 def said_of(name: str, record: type) -> str:
@@ -51,6 +51,6 @@ class ComparisonOptions:
     """
 
     horizon: Annotated[float, HORIZON_SECONDS] = 1.0
-    draws: Annotated[int, SAMPLES] = 100
+    draws: Annotated[int, DRAWS] = 100
     seed: Annotated[int, SEED] = 0
     fit_starts: bool = False

@@ -104,6 +104,7 @@ Seed = Annotated[int, SEED]
 Episodes = Annotated[int, Bounds(0, 10_000)]  # of a kind: their names count in four digits
 SAMPLES = Bounds(1, 10_000)  # plans, windows or draws that are predicted at once
 Samples = Annotated[int, SAMPLES]
+DRAWS = Bounds(40, 10_000)  # of noise; with fewer no error could be more than it, at a level of 5 %
 OptimiserSteps = Annotated[int, Bounds(1, 10_000_000)]  # at ten a second a million take a day
 THREADS = Bounds(1, 1024)  # of one process; ours gain nothing beyond a few
 Threads = Annotated[int, THREADS]

@@ -213,6 +213,12 @@ def test_every_command_refuses_what_is_no_control_step(command: str, dt: str) ->
     assert "must be a number from 0.0001 to 10 s; got" in " ".join(done.output.split())
 
 
+def test_draws_that_could_not_tell_noise_from_more_are_refused_before_a_log_is_read() -> None:
+    done = CliRunner().invoke(app, ["compare", "log.csv", "--robot", "prism3", "--draws", "39"])
+    assert done.exit_code == 2
+    assert "must be a number from 40 to 10,000; got 39" in " ".join(done.output.split())
+
+
 @pytest.mark.slow
 def test_a_recording_is_stored_without_the_engine_of_the_network(logs, tmp_path):
     code = (
