@@ -3,6 +3,7 @@
     python pipelines/paper_table.py sim2sim                     fits three hours of two cores
     python pipelines/paper_table.py sim2sim --size paper        the size of the publication
     python pipelines/paper_table.py sim2sim --only 'prism3.*.tdpe' --only .arx
+    python pipelines/paper_table.py loop seed=1                 the controller in the loop; a seed at a time
 
 The definitions are in pipelines/tables/. Cells that are in the folder are kept; `table.csv` and `table.md`
 in it have all of them, and so has MLflow.
@@ -17,8 +18,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from benchmarks.paper.definition import SIZES, TableConfig, read_table, table_names
+from benchmarks.paper.loop import LOOP, make_loop
 from benchmarks.paper.table import Rows, Table, publisher
-from flywheel.errors import FlywheelError
+from flywheel.errors import ConfigError, FlywheelError
 from flywheel.runtime.pool.interrupts import Interrupted, StopRequest
 from flywheel.runtime.pool.pool import Patience, WorkerPool
 from flywheel.runtime.pool.progress import console_progress
@@ -74,7 +76,7 @@ def main() -> None:
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("table", help=f"{', '.join(table_names())}, or a YAML file")
+    parser.add_argument("table", help=f"{', '.join(table_names())}, {LOOP}, or a YAML file")
     parser.add_argument("overrides", nargs="*", metavar="KEY=VALUE", help="settings to change")
     parser.add_argument("--size", choices=SIZES, default="", help="in the place of the usual one")
     told = "part of the names ROBOT.DATASET.METHOD.sSEED, with * for anything; repeatable"
@@ -84,14 +86,27 @@ def main() -> None:
     parser.add_argument("--tracking-uri", default="", help="of an MLflow server")
     given = parser.parse_intermixed_args()
     try:
-        config = read_table(given.table, given.size, given.overrides)
-        name = f"{config.name}-{given.size}" if given.size else config.name
-        folder = given.folder or Path("runs") / "tables" / name
-        print(make(config, folder, given.only, given.address, given.tracking_uri))
+        print(_made(given))
     except Interrupted:
         parser.exit(130, "Stopped; the same command continues.\n")
     except FlywheelError as error:
         parser.error(str(error))
+
+
+def _made(given: argparse.Namespace) -> Path:
+    uri = given.tracking_uri
+    if given.table != LOOP:
+        config = read_table(given.table, given.size, given.overrides)
+        return make(config, _folder(given, config.name), given.only, given.address, uri)
+    if given.only:
+        raise ConfigError("--only chooses cells of a table; the loop is one run for each seed.")
+    told = [*given.overrides, *([f"tracking.uri={uri}"] if uri else [])]
+    return make_loop(given.size, told, _folder(given, LOOP), given.address, console_progress())
+
+
+def _folder(given: argparse.Namespace, name: str) -> Path:
+    named = f"{name}-{given.size}" if given.size else name
+    return given.folder or Path("runs") / "tables" / named
 
 
 if __name__ == "__main__":

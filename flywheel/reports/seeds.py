@@ -23,7 +23,8 @@ class Spread:
     high: float
 
     def __str__(self) -> str:
-        return f"{self.mean:.3g} ({self.low:.3g}-{self.high:.3g})"
+        ends = f" ({self.low:.3g}-{self.high:.3g})" if self.low < self.high else ""
+        return f"{self.mean:.3g}{ends}"
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,12 @@ def summarise(runs: Sequence[RunResult]) -> list[SeedRow]:
     rows.append(_row("floor", [run.floor for run in runs], none))
     rows.append(_row("informed floor", [run.informed_floor for run in runs], none))
     rows.append(_row("nothing moves", [run.persistence for run in runs], none))
-    rows.append(_row("oracle", [None] * len(runs), [run.oracle for run in runs]))
+    unmeasured: list[Errors | None] = [None] * len(runs)
+    rows.append(_row("oracle", unmeasured, [run.oracle for run in runs]))
+    for courses in zip(*(run.unseen for run in runs), strict=True):
+        name = courses[0].course
+        rows.append(_row(f"{name}, never seen", unmeasured, [u.navigation for u in courses]))
+        rows.append(_row(f"{name}, oracle", unmeasured, [u.oracle for u in courses]))
     return rows
 
 

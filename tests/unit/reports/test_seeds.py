@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flywheel.errors import DataError
-from flywheel.reports.seeds import summarise
+from flywheel.reports.seeds import Spread, summarise
 from tests.unit.reports.fake_run import fake_run
 
 
@@ -24,6 +24,8 @@ def test_every_model_and_every_line_has_a_row(runs):
         "informed floor",
         "nothing moves",
         "oracle",
+        "maze, never seen",
+        "maze, oracle",
     ]
 
 
@@ -38,6 +40,10 @@ def test_errors_are_averaged_and_goals_are_pooled(runs):
     assert row.success.reached == sum(turn.navigation.success.reached for turn in turns)
     times = [s for turn in turns for s in turn.navigation.seconds_to_goal]
     assert row.seconds == np.median(times)
+
+
+def test_a_number_is_shown_with_its_ends_if_runs_differ():
+    assert [str(Spread(2.0, *ends)) for ends in ((1.0, 3.0), (2.0, 2.0))] == ["2 (1-3)", "2"]
 
 
 def test_a_number_that_one_run_lacks_is_not_averaged_over_the_others(runs):
