@@ -112,7 +112,7 @@ class WindowSimulator:
           window.
         """
         ways = (self._beside_each_other, self._one_after_the_other)
-        apart = np.array([self.apart(each) for each in terms])
+        apart = np.array([self.apart(each) for each in terms], bool)
         points = np.empty((len(terms), *self.windows.measured.shape))
         carried: dict[int, Carried] = {}
         for predict, members in zip(ways, (apart, ~apart), strict=True):

@@ -249,6 +249,12 @@ def test_a_one_sided_effect_cannot_explain_its_opposite(fitter, fit, library):
     assert test.scores(-column)[0].statistic == 0.0
 
 
+def test_where_no_candidate_is_left_none_is_scored(fitter, fit):
+    assert fitter.columns(fit, []).shape == (*fit.residual.shape, 0)
+    test = score_test(fitter, fit, [])
+    assert list(test.scores(np.ones(len(test.columns)))) == []
+
+
 def test_windows_beside_each_other_are_those_one_after_the_other(fitter, fit, library, seed):
     """Where nothing but the winches goes on from window to window."""
     simulator, rng = fitter.simulator, np.random.default_rng(seed)
