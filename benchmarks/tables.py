@@ -24,7 +24,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from benchmarks import adoption, budget, demo, navigation, networks, residual, robot, steps
+from benchmarks import adoption, budget, demo, navigation, networks, recipes, residual, robot, steps
 from benchmarks.adoption import AdoptionRow, AdoptionStudy
 from benchmarks.demo import DemoResult, DemoRow
 from benchmarks.diagnosis.case_result import CaseResult
@@ -34,6 +34,7 @@ from benchmarks.navigation import EpisodeRow, ModelRow
 from benchmarks.paper.definition import read_table, table_names
 from benchmarks.paper.rows import CellRow, left_out_table, result_table
 from benchmarks.paper.table import Table
+from benchmarks.recipes import RECIPES_CSV, RecipeRow
 from benchmarks.residual import ResidualRow, ResidualStudy
 from benchmarks.robot import DriveRow, ErrorRow
 from benchmarks.rows import RESULTS, other_rows, read_rows, rows_there, values_of, write_rows
@@ -115,6 +116,7 @@ TABLES: dict[str, Callable[[], list[str]]] = {
     "networks": networks.table,
     "budget": lambda: budget.table("prism3"),
     "budget-regions": lambda: budget.regions_table("prism3"),
+    "recipes": lambda: recipes.table(read_rows(RecipeRow, RECIPES_CSV)),
     "steps": lambda: steps.motions_table(read_rows(StepRow, STEPS_CSV)),
     "steps-others": lambda: steps.others_table(read_rows(StepRow, STEPS_CSV)),
     "steps-rest": lambda: steps.rest_table(read_rows(RestRow, REST_CSV)),
