@@ -1,6 +1,7 @@
 """Integration, rigidity and what a prediction may depend on."""
 
 import dataclasses
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import torch
 
 from flywheel.dynamics.gnn import NetworkConfig, Simulator
 from flywheel.errors import ModelError
+from flywheel.robots import read_robot
 
 LEAN = NetworkConfig.lean(width=16)
 PAPER = NetworkConfig.paper(width=8)
@@ -193,6 +195,38 @@ def test_a_turned_robot_is_predicted_alike_in_its_own_axes(robots, make_network,
         here = simulator.unroll(network, *window.arguments())
         there = simulator.unroll(network, *other.arguments())
         assert low <= (there.points - move(here.points)).abs().max() <= high
+
+
+def relabelled(robot):
+    """prism3 with its cables, winches and other rods in the opposite order."""
+    root = ElementTree.fromstring(robot.xml)
+    for name, first in (("worldbody", 5), ("tendon", 0), ("actuator", 0)):
+        root.find(name)[first:] = reversed(root.find(name)[first:])
+    key = root.find("keyframe/key")
+    poses = np.reshape(key.get("qpos").split(), (3, 7))[[0, 2, 1]]
+    key.set("qpos", " ".join(poses.ravel()))
+    return read_robot(ElementTree.tostring(root, encoding="unicode"))
+
+
+def test_weights_are_of_no_rod_cable_or_winch(robots, make_network, make_window):
+    robot = robots["prism3"]
+    other = relabelled(robot)
+    names = [winch.name for winch in robot.winches]
+    winch = [names.index(each.name) for each in other.winches]
+    assert winch == [5, 4, 3, 2, 1, 0]
+    window = make_window(robot, LEAN, 0)
+    moved = dataclasses.replace(
+        window,
+        past_winch=window.past_winch[:, :, winch],
+        past_controls=window.past_controls[:, :, winch],
+        controls=window.controls[:, :, winch],
+    )
+    here, there = (
+        Simulator(each, LEAN).unroll(make_network(each, LEAN, 0), *shown.arguments())
+        for each, shown in ((robot, window), (other, moved))
+    )
+    torch.testing.assert_close(there.points, here.points, rtol=0, atol=5e-4)
+    torch.testing.assert_close(there.winch, here.winch[:, :, winch], rtol=0, atol=5e-4)
 
 
 def test_a_missing_point_is_filled_in_and_never_spreads(robots, make_network, make_window, seed):
