@@ -54,6 +54,8 @@ def _blocks(content: bytes) -> list[tuple[str, bytes]]:
             if at or content.startswith(line):
                 begins.append((at, title))
                 break
+    if not begins:
+        raise DataError(f"it is damaged: no line begins one of its blocks ({', '.join(BLOCKS)}).")
     begins.sort()
     ends = [at for at, _ in begins[1:]] + [len(content)]
     return [(title, content[at:end]) for (at, title), end in zip(begins, ends, strict=True)]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from flywheel.data.recordings import read_map, read_recording
+from flywheel.data.recordings.formats import vicon
 from flywheel.errors import DataError
 from flywheel.records import Trajectory
 from tests.unit.data.recordings.formats import writers
@@ -114,3 +115,9 @@ def test_what_runs_code_is_refused_before_it_is_read(tmp_path: Path, truth: Trut
     ):
         with pytest.raises(DataError, match=words):
             read_recording(tmp_path / name, truth.robot)
+
+
+def test_a_vicon_file_without_the_line_of_a_block_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_bytes(b"Trajectories \n100\n")
+    with pytest.raises(DataError, match="no line begins one of its blocks"):
+        vicon.read(tmp_path / "log.csv", ())
