@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from flywheel.data.recordings.flips import Limits, Symmetries, unflipped
+from flywheel.data.recordings.flips import Limits, UnseenTurns, unflipped
 from flywheel.data.recordings.lookup import Found, Sheets, Source, length_of
 from flywheel.data.recordings.mapping import RecordingMap
 from flywheel.data.recordings.report import Action, Finding
@@ -75,12 +75,12 @@ def poses_of(
 
     quaternion = _quaternions(turned.values, pose, turned.source, body.name)
     points, about = frame(robot.offsets_of(body)), frame(body.principal.T) - frame(np.zeros(3))
-    symmetries = Symmetries.of(points, np.concatenate([about, np.eye(3)]))
+    unseen = UnseenTurns.of(points, np.concatenate([about, np.eye(3)]))
     time = clocks[turned.source.file].of(turned.source.time)
     metres = length_of(position.source, how)
     limits = Limits.of(robot, points, time)
     place = position.values * metres
-    quaternion, other, lost = unflipped(quaternion, place, time, symmetries, limits)
+    quaternion, other, lost = unflipped(quaternion, place, time, unseen, limits)
     repair = "swaps" in how.repair
     if not repair:
         quaternion = np.where(other[:, None], np.nan, quaternion)

@@ -61,7 +61,7 @@ class Limits:
 
 
 @dataclass(frozen=True)
-class Symmetries:
+class UnseenTurns:
     """Turns of a body in its own frame that a tracker may not notice.
 
     Attributes:
@@ -73,7 +73,7 @@ class Symmetries:
     line: Floats | None
 
     @classmethod
-    def of(cls, points: Floats, axes: Floats) -> Symmetries:
+    def of(cls, points: Floats, axes: Floats) -> UnseenTurns:
         """Those of a body with points (k, 3) and possible axes of symmetry (A, 3), about its origin."""
         size, directions = np.linalg.svd(points, full_matrices=False)[1:]
         if len(size) == 1 or size[1] < 1e-6 * size[0]:
@@ -92,7 +92,7 @@ class Symmetries:
 
 
 def unflipped(
-    turned: Floats, place: Floats, time: Floats, symmetries: Symmetries, limits: Limits
+    turned: Floats, place: Floats, time: Floats, unseen: UnseenTurns, limits: Limits
 ) -> tuple[Floats, NDArray[np.bool_], NDArray[np.bool_]]:
     """Take back flips.
 
@@ -100,16 +100,16 @@ def unflipped(
       turned: (N, 4) rotations as the tracker has them; NaN where the body was not seen.
       place: (N, 3) positions of the body [m].
       time: (N,) [s].
-      symmetries: of the body.
+      unseen: of the body.
       limits: of its motion.
 
     Returns:
       The rotations, and masks (N,) of those that were put right and of those that are left out, as NaN.
     """
     rows = np.flatnonzero(np.isfinite(turned).all(axis=1))
-    seen, when, turns = turned[rows], time[rows], symmetries.turns
+    seen, when, turns = turned[rows], time[rows], unseen.turns
     soon = limits.rate * np.diff(when) < JUMP
-    jumps = soon & (symmetries.apart(seen[1:], seen[:-1]) > JUMP)
+    jumps = soon & (unseen.apart(seen[1:], seen[:-1]) > JUMP)
     events = 1 + np.flatnonzero(jumps | ~soon)
     flips = np.zeros(len(rows), np.int64)  # index of the turn to take back; -1: none is known
     good = 0  # the last row with one
@@ -120,7 +120,7 @@ def unflipped(
             flips[begin:end] = -1 if flips[good] else 0  # it may have flipped back, or not
         elif np.linalg.norm(place[rows[begin]] - place[rows[good]]) <= limits.reach(pause):
             last = multiply(seen[good], turns[flips[good]])
-            off = symmetries.apart(multiply(seen[begin], turns), last)
+            off = unseen.apart(multiply(seen[begin], turns), last)
             unknown = (
                 -1 if limits.hidden else 0
             )  # elsewhere, as another body's pose, its markers leap

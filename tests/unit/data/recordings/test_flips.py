@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from flywheel.data.recordings import RecordingMap, read_recording
-from flywheel.data.recordings.flips import Limits, Symmetries, unflipped
+from flywheel.data.recordings.flips import Limits, UnseenTurns, unflipped
 from flywheel.data.recordings.reading import Imported
 from flywheel.dynamics.plant import Plant
 from flywheel.records import Floats
@@ -129,7 +129,7 @@ def test_a_fast_rotation_is_no_flip(rate: float, period: float) -> None:
     for points, axes in ((SQUARE, np.eye(3)), (SQUARE[[0, 2]], np.eye(3))):
         given = spin.as_quat(scalar_first=True)
         found, other, lost = unflipped(
-            given, 0 * given[:, 1:], time, Symmetries.of(points, axes), LIMITS
+            given, 0 * given[:, 1:], time, UnseenTurns.of(points, axes), LIMITS
         )
         np.testing.assert_array_equal(found, given)
         assert not other.any()
@@ -149,7 +149,7 @@ def test_what_was_flipped_and_then_unseen_is_not_guessed() -> None:
     given[120:123] = np.nan  # 40 ms: it cannot have turned far
     given[150:190] = np.nan
     found, other, lost = unflipped(
-        given, np.zeros((300, 3)), time, Symmetries.of(SQUARE, np.eye(3)), LIMITS
+        given, np.zeros((300, 3)), time, UnseenTurns.of(SQUARE, np.eye(3)), LIMITS
     )
     there = np.isfinite(found).all(axis=1)
     np.testing.assert_array_equal(np.flatnonzero(~there), [120, 121, 122, *range(150, 300)])
@@ -163,7 +163,7 @@ def test_poses_are_right_as_they_usually_are() -> None:
     given = right.copy()
     given[:40] = Rotation.from_euler("z", -120, degrees=True).as_quat(scalar_first=True)
     found, other, _ = unflipped(
-        given, np.zeros((300, 3)), time, Symmetries.of(SQUARE, np.eye(3)), LIMITS
+        given, np.zeros((300, 3)), time, UnseenTurns.of(SQUARE, np.eye(3)), LIMITS
     )
     np.testing.assert_allclose(np.abs(found @ right[0]), 1.0)
     np.testing.assert_array_equal(np.flatnonzero(other), np.arange(40))
