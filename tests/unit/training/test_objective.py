@@ -57,7 +57,7 @@ def test_a_step_has_as_many_chunks_as_configured_and_as_few_windows_as_allowed(o
 def test_windows_are_turned_only_for_a_network_that_does_not_turn_by_itself(
     robot, train, network_config, make_config
 ):
-    config = make_config()
+    config = make_config(symmetries=False)
     batches = []
     for yaw_frame in (True, False):
         network = network_config.model_copy(update={"yaw_frame": yaw_frame})
