@@ -1,5 +1,7 @@
 """What is said of experiments before they are made is plain geometry of sensitivities."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -95,7 +97,7 @@ def test_what_cannot_be_looked_at_is_refused(robot, plant, scripts):
         information_of(plant, scripts[:1], motion, (), 0.01)
     with pytest.raises(DataError, match="noise must be a positive length, got 0"):
         information_of(plant, scripts[:1], motion, library, 0.0)
-    diverged = type(motion)(motion.points, motion.states, np.array([False]), motion.memory)
+    diverged = replace(motion, finite=np.array([False]))
     with pytest.raises(ModelError, match="diverges under script 0"):
         information_of(plant, scripts[:1], diverged, library, 0.01)
 
