@@ -47,6 +47,7 @@ class Objective:
             chunks: Draw(cache, self._history + chunks * self._chunk, self._history, config.mix)
             for chunks in sorted({stage.chunks for stage in schedule.stages})
         }
+        self._simulated = np.array([name != RECORDING for name in cache.datasets])
         self._symmetries = symmetries_of(simulator.robot) if config.symmetries else None
         self._scales = self._measured_scales().to(config.device)
 
@@ -104,8 +105,7 @@ class Objective:
         if config.yaw_augmentation and not self._simulator.config.yaw_frame:
             gathered = turned(gathered, rng)
         if self._symmetries is not None:
-            simulated = np.array([name != RECORDING for name in self._cache.datasets])
-            alike = simulated[gathered.dataset]
+            alike = self._simulated[gathered.dataset]
             gathered = relabelled(gathered, self._symmetries, alike, rng)
         if config.noise > 0:
             gathered = noisy(

@@ -18,7 +18,7 @@ from flywheel.runtime.pool.lock import hold
 from flywheel.runtime.workers.episode_plan import Effects
 from flywheel.runtime.workers.episode_recorder import EpisodeRecorder
 from flywheel.runtime.workers.stored_episodes import EpisodeWinches
-from flywheel.training import Trainer, TrainingProgress
+from flywheel.training import Trainer, TrainingConfig, TrainingProgress
 from flywheel.training.residual import train_residual
 
 SPLITS: tuple[Split, ...] = ("train", "validation")
@@ -43,6 +43,11 @@ class TrainingOrder:
     initial: Path | None
     seed: int
     effects: Effects = ()
+
+    def recipe(self, usual: TrainingConfig) -> TrainingConfig:
+        """The usual recipe with this seed; without symmetries if an effect is at a single place."""
+        alike = usual.symmetries and not any(effect.location for effect in self.effects)
+        return usual.model_copy(update={"seed": self.seed, "symmetries": alike})
 
 
 @dataclass(frozen=True)
@@ -112,10 +117,8 @@ class TrainerWorker(Worker):
                 )
                 for split in SPLITS
             )
-            training = self._config.training
-            alike = training.symmetries and not any(effect.location for effect in order.effects)
             trainer = Trainer(
-                training.model_copy(update={"seed": order.seed, "symmetries": alike}),
+                order.recipe(self._config.training),
                 self._config.network,
                 self._robot,
                 train,
