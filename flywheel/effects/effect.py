@@ -286,12 +286,14 @@ class Term:
       values: of all its parameters [their units].
       known: standard deviations of their prior, around zero, infinite without one; empty without
         any prior.
+      price: of its values with a prior where models are compared [sigma^2]; 0 until it is known.
     """
 
     effect: Effect
     place: int | None
     values: tuple[float, ...]
     known: tuple[float, ...] = ()
+    price: float = 0.0
 
     @property
     def named(self) -> dict[str, float]:

@@ -91,13 +91,13 @@ def acts_on_same_parts(effect: Effect, model: Term, robot: Robot) -> bool:
 
 
 def alike(term: Term, model: Term, robot: Robot) -> Term:
-    """A term with the factors of another one, if that has any and both act on the same parts."""
+    """A term with the factors and the price of another one, if it has any and both act on the same parts."""
     effect = per_part(term.effect, robot)
     if effect is None or not acts_on_same_parts(term.effect, model, robot):
         return term
     count = len(effect.parts)
     known = (math.inf,) * len(term.values) + model.known[-count:]
-    return replace(term, effect=effect, values=term.values + model.values[-count:], known=known)
+    return replace(model, effect=effect, values=term.values + model.values[-count:], known=known)
 
 
 def at_largest_part(term: Term) -> tuple[Term, float]:

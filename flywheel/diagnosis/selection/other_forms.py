@@ -17,9 +17,9 @@ import numpy as np
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
 from flywheel.diagnosis.fitting.nuisance import as_said
 from flywheel.diagnosis.selection.candidates import Candidate, at_parts, families
+from flywheel.diagnosis.selection.criterion import Promise, promised
 from flywheel.diagnosis.selection.robot_as_built import promised_as_built
 from flywheel.diagnosis.selection.score_test import (
-    Projection,
     Score,
     ScoredModel,
     further_scores,
@@ -47,12 +47,10 @@ class _Form:
     Attributes:
       fit: of it.
       family: of the effect.
-      price: penalty of its factors, to be added to its criterion; 0 without any.
     """
 
     fit: Fit
     family: str
-    price: float = 0.0
 
     @property
     def term(self) -> Term:
@@ -107,10 +105,8 @@ def with_even_sizes(search: Search, model: ScoredModel) -> ScoredModel:
             begun = search.fitter.with_terms(model.fit, as_said(even))
             search.heartbeat(f"fitting {term.effect.name} of one size with numbers as built")
             fit = search.settled(search.effects_first(begun))
-            less, terms = search.score_all(fit), (*without(model.fit.terms, term), term)
-            _, price = _explained(search.fitter, less, terms, term)
-            if search.criterion(fit) - search.criterion(model.fit) - price <= search.threshold:
-                model = less
+            if search.criterion(fit) - search.criterion(model.fit) <= search.threshold:
+                model = search.score_all(fit)
     return model
 
 
@@ -121,9 +117,9 @@ def _in_best_form(
         return model
     even = [_Form(model.fit, family), *_by_other_laws(search, model, family)]
     even += _rivals_in_place(search, model, family, rivals)
-    best = min(even, key=lambda each: search.criterion(each.fit))
-    if best.fit is not model.fit:
-        model, family = search.score_all(search.settled(best.fit)), best.family
+    form = min(even, key=lambda each: search.criterion(each.fit))
+    if form.fit is not model.fit:
+        model, family = search.score_all(search.settled(form.fit)), form.family
         if not _seen_beside(search, model):
             return model
     heartbeat, sized = search.heartbeat, partial(_per_part, search, model, family)
@@ -137,9 +133,9 @@ def _in_best_form(
     ]
     alone = partial(_at_one_part, search)
     forms += heartbeat.each(alone, forms, lambda form: f"{form.family} at one part")
-    form = min(forms, key=lambda each: search.criterion(each.fit) + each.price)
-    gained = search.criterion(model.fit) - search.criterion(form.fit) - form.price
-    return model if gained <= search.threshold else search.score_all(search.settled(form.fit))
+    best = min((form.fit for form in forms), key=search.criterion)
+    gained = search.criterion(model.fit) - search.criterion(best)
+    return model if gained <= search.threshold else search.score_all(search.settled(best))
 
 
 def _seen_beside(search: Search, model: ScoredModel) -> bool:
@@ -217,17 +213,19 @@ def _at_one_part(search: Search, found: _Form) -> _Form | None:
     search.heartbeat(f"fitting {term.effect.name} at one {term.effect.part}")
     terms = tuple(alone if each is term else each for each in fit.terms)
     begun = search.fitter.with_terms(fit, terms)
-    return _Form(search.fit_until(begun, search.criterion(fit) + found.price), found.family)
+    return _Form(search.fit_until(begun, search.criterion(fit)), found.family)
 
 
-def promised_per_part(search: Search, model: ScoredModel, score: Score) -> float:
-    """Promised explanation of a candidate with a size for each part, minus its price [sigma^2]."""
-    even = score.candidate.term(score.sizes, score.shape)
-    term = per_part_term(even, search.fitter.windows.robot, search.settings.forms.spread)
+def promised_per_part(
+    search: Search, model: ScoredModel, others: Terms, even: Term
+) -> Promise | None:
+    """Promise of a model with a size of a term for each part beside others; None if it has no parts."""
+    fitter = search.fitter
+    term = per_part_term(even, fitter.windows.robot, search.settings.forms.spread)
     if term is None:
-        return 0.0
-    explained, price = _explained(search.fitter, model, (*model.fit.terms, term), term)
-    return explained - price
+        return None
+    begun = replace(fitter.with_terms(model.fit, (*others, term)), cache=model.fit.cache)
+    return promised(fitter, model, begun)
 
 
 def _per_part(search: Search, model: ScoredModel, family: str) -> _Form | None:
@@ -237,22 +235,19 @@ def _per_part(search: Search, model: ScoredModel, family: str) -> _Form | None:
     """
     fit, fitter, spread = model.fit, search.fitter, search.settings.forms.spread
     term = _of_family(fit, family)
-    uneven = per_part_term(term, fitter.windows.robot, spread)
-    if uneven is None:
-        return None
-    terms = tuple(uneven if each is term else each for each in fit.terms)
-    explained, price = _explained(fitter, model, terms, uneven)
-    if explained - price < search.threshold and term.place is None:
-        return None
-    numbers = promised_as_built(search, model)
-    if numbers is not None and numbers.explained > search.settings.pairs.more * (explained - price):
-        return None
-    search.heartbeat(f"fitting {term.effect.name} {uneven.effect.form}")
     others = without(fit.terms, term)
-    tried = (uneven, _sized_by_part(fitter, model, term, uneven, spread))
-    starts = [fitter.with_terms(fit, (*others, each)) for each in tried]
+    promise = promised_per_part(search, model, others, term)
+    if promise is None or (promise.explained < search.threshold and term.place is None):
+        return None
+    numbers, more = promised_as_built(search, model), search.settings.pairs.more
+    if numbers is not None and numbers.explained > more * promise.explained:
+        return None
+    *_, uneven = promise.fit.terms
+    search.heartbeat(f"fitting {term.effect.name} {uneven.effect.form}")
+    sized = _sized_by_part(fitter, model, term, uneven, spread)
+    starts = (promise.fit, fitter.with_terms(fit, (*others, sized)))
     begun = replace(min(starts, key=lambda each: each.cost), cache=fit.cache)
-    return _Form(search.fit_until(begun, search.criterion(fit) - price), family, price)
+    return _Form(search.fit_until(begun, search.criterion(fit)), family)
 
 
 def _sized_by_part(
@@ -272,22 +267,6 @@ def _sized_by_part(
     return with_shares(uneven, size * (present + more), spread)
 
 
-def _explained(fitter: Fitter, model: ScoredModel, terms: Terms, term: Term) -> tuple[float, float]:
-    """Explanation by a term in addition to a model's values, in its linearisation, and its price."""
-    fit = model.fit
-    begun = replace(fitter.with_terms(fit, terms), cache=fit.cache)
-    free = sorted(fitter.free(terms), key=lambda f: terms[f.term] is term)
-    columns = fitter.by_value(begun, free)
-    prior, ones = np.array([f.prior for f in free]), np.ones(len(fit.local))
-    had = len(free) - len(term.values)
-    less, more = (
-        Projection.of(fitter, model.jacobian, columns[..., :count], ones, prior[:count])
-        for count in (had, len(free))
-    )
-    left = [float((each(fit.residual[..., None]) ** 2).sum()) for each in (less, more)]
-    return left[0] - left[1], max(0.0, more.price - less.price)
-
-
 def _rival_per_part(search: Search, score: Score, found: _Form) -> _Form | None:
     """The model with another effect in its place, fitted; None if that has other parts.
 
@@ -302,5 +281,4 @@ def _rival_per_part(search: Search, score: Score, found: _Form) -> _Form | None:
     search.heartbeat(f"fitting {other.effect.name} {other.effect.form}")
     begun = fitter.with_terms(fit, (*rest, other))
     most = search.settings.max_rounds_to_target_of_law
-    fit = search.fit_until(begun, search.criterion(fit), most)
-    return _Form(fit, effect.family, found.price)
+    return _Form(search.fit_until(begun, search.criterion(fit), most), effect.family)

@@ -13,6 +13,7 @@ from flywheel.diagnosis.fitting.nuisance import as_said, asked, shaken_terms
 from flywheel.diagnosis.fitting.stopping import out_of_reach
 from flywheel.diagnosis.heartbeat import Heartbeat
 from flywheel.diagnosis.selection.candidates import Candidate, places
+from flywheel.diagnosis.selection.criterion import criterion
 from flywheel.diagnosis.selection.score_test import Prior, Score, ScoredModel, score_test
 from flywheel.diagnosis.settings import SelectionSettings
 from flywheel.diagnosis.statistics import chance
@@ -74,12 +75,8 @@ class Search:
         return self.tolerance > 0.0 and model.test.beyond_noise(self.fitter) <= self.tolerance
 
     def criterion(self, fit: Fit) -> float:
-        """Bayesian information criterion (BIC): cost, with the penalty of every fitted value.
-
-        Values with a prior cost their squared deviation from it.
-        """
-        values = sum(term.unknown for term in fit.terms)
-        return fit.cost + values * float(np.log(self.fitter.windows.noisy.sum()))
+        """The criterion by which models are compared, the less the better [sigma^2]."""
+        return criterion(fit, int(self.fitter.windows.noisy.sum()))
 
     def fit_until(
         self, fit: Fit, target: float = np.inf, max_rounds: float | None = None, slight: float = 0.0

@@ -163,7 +163,7 @@ def _as_given(
     """
     first, last = models[0], models[-1]
     alone = replace(search, as_built=())
-    limit = search.criterion(last.fit) + last.test.projection.price
+    limit = search.criterion(last.fit)
     effects = _without_numbers(last.fit.terms, search.as_built)
     begun = search.fitter.warm_start(replace(last.fit, cache=None), effects)
     model = alone.score_all(alone.fit_until(begun))
@@ -207,11 +207,13 @@ def _as_built(search: Search, model: ScoredModel) -> ScoredModel | None:
     best = max(score.statistic for score in (*model.scores, *model.probes))
     if promise is None or promise.explained < max(search.threshold, more * best):
         return None
-    uneven = (promised_per_part(search, model, each) for each in search.shortlist(model))
-    if any(promise.explained < more * explained for explained in uneven):
+    short = search.shortlist(model)
+    terms = (score.candidate.term(score.sizes, score.shape) for score in short)
+    uneven = (promised_per_part(search, model, model.fit.terms, term) for term in terms)
+    if any(each and promise.explained < more * each.explained for each in uneven):
         return None
     # Effects of no size change nothing in the Jacobian.
-    return search.score_all(promise.begun, model.jacobian)
+    return search.score_all(promise.fit, model.jacobian)
 
 
 def _with_other_values(search: Search, first: ScoredModel) -> Fit | None:

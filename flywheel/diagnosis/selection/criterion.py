@@ -1,0 +1,87 @@
+"""The criterion by which models are compared: a Bayesian information criterion (BIC) with priors.
+
+Twice the negative logarithm of the marginal likelihood of a model, in Laplace's approximation and up to a
+constant, is
+
+    cost + k log n + log det(I + P S P)
+
+with k values without a prior, n noisy measurements, and the standard deviations P and the information S of
+the values with a prior, after all others. The cost includes the squares of these values relative to
+P. The determinant is their price; it is computed when they are proposed, and stays with their terms.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
+from flywheel.diagnosis.selection.score_test import Projection, ScoredModel
+from flywheel.effects import Term
+
+
+def criterion(fit: Fit, measurements: int) -> float:
+    """The criterion of a fitted model, the less the better [sigma^2].
+
+    Args:
+      fit: of the model.
+      measurements: number of noisy ones.
+    """
+    values = sum(term.unknown for term in fit.terms)
+    price = sum(term.price for term in fit.terms)
+    return fit.cost + values * float(np.log(measurements)) + price
+
+
+@dataclass(frozen=True)
+class Promise:
+    """Promise of terms with a prior on top of a model.
+
+    Attributes:
+      fit: of the model with them, before anything is fitted; they have their price.
+      explained: decrease of the criterion in the linearisation of the model [sigma^2].
+    """
+
+    fit: Fit
+    explained: float
+
+
+def promised(
+    fitter: Fitter, model: ScoredModel, begun: Fit, shares: Sequence[float] = (1.0,)
+) -> Promise:
+    """Promise of the terms that a fit has and a model has not.
+
+    Args:
+      fitter, model: so far.
+      begun: the model's fit with these terms.
+      shares: factors on the standard deviations of their priors, the most likely of which is used (type II
+        maximum likelihood).
+    """
+    new = [term not in model.fit.terms for term in begun.terms]
+    free = sorted(fitter.free(begun.terms), key=lambda f: new[f.term])
+    had = sum(not new[f.term] for f in free)
+    columns, prior = fitter.by_value(begun, free), np.array([f.prior for f in free])
+    residual, ones = model.fit.residual[..., None], np.ones(len(begun.local))
+    less, more = (
+        Projection.of(fitter, model.jacobian, columns[..., :count], ones, prior[:count])
+        for count in (had, len(free))
+    )
+    before = float((less(residual) ** 2).sum()) + less.price
+    by_share = {share: more.with_priors_scaled(share) for share in shares}
+    explained = {
+        share: before - float((each(residual) ** 2).sum()) - each.price
+        for share, each in by_share.items()
+    }
+    share = max(explained, key=explained.__getitem__)
+    price = (by_share[share].price - less.price) / sum(new)
+    terms = tuple(
+        _scaled(term, share, price) if own else term
+        for term, own in zip(begun.terms, new, strict=True)
+    )
+    return Promise(replace(begun, terms=terms), explained[share])
+
+
+def _scaled(term: Term, share: float, price: float) -> Term:
+    """A term with a price, and priors of a share of their standard deviations."""
+    return replace(term, known=tuple(share * known for known in term.known), price=price)
