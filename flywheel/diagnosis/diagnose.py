@@ -15,7 +15,7 @@ from flywheel.diagnosis.checks.adequacy import own_errors
 from flywheel.diagnosis.checks.detectability import detectable
 from flywheel.diagnosis.checks.discrepancy import DiscrepancyModel, learned_law, resemblances
 from flywheel.diagnosis.checks.first_lengths import far_first_lengths
-from flywheel.diagnosis.checks.held_out import Errors, HeldOut, errors
+from flywheel.diagnosis.checks.held_out import HeldOut, errors
 from flywheel.diagnosis.checks.localisation import localise
 from flywheel.diagnosis.checks.model_discrepancy import model_discrepancy
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
@@ -25,7 +25,6 @@ from flywheel.diagnosis.fitting.subject import Subject
 from flywheel.diagnosis.heartbeat import PHASES, Heartbeat, never
 from flywheel.diagnosis.judgement import (
     UNEXPLAINED,
-    Judged,
     Searched,
     as_built,
     asked_about,
@@ -35,15 +34,7 @@ from flywheel.diagnosis.judgement import (
 from flywheel.diagnosis.results.diagnosis import Diagnosis, TimeSteps
 from flywheel.diagnosis.results.evidence import Evidence
 from flywheel.diagnosis.results.numbers_as_built import AsBuiltNumbers
-from flywheel.diagnosis.results.verdict import (
-    Alternative,
-    Verdict,
-    beyond,
-    carries_over,
-    constant,
-    only_noise,
-    other_form,
-)
+from flywheel.diagnosis.results.verdict import beyond, constant, only_noise, other_form, verdict_of
 from flywheel.diagnosis.selection.candidates import Candidate, candidates
 from flywheel.diagnosis.selection.misspecification import PROBES
 from flywheel.diagnosis.selection.robot_as_built import known_share
@@ -55,7 +46,7 @@ from flywheel.diagnosis.selection.suspect_parameters import (
     far_off_parameters,
     suspect_parameters,
 )
-from flywheel.diagnosis.settings import Limits, Settings
+from flywheel.diagnosis.settings import Settings
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS, FORMS, NAMED, Effect, Terms
 from flywheel.errors import DataError, ModelError
@@ -219,7 +210,7 @@ def _searched(
         if len(models) == 1 or heartbeat.stopped():
             break
         around = models[-1].fit.terms
-    return Searched(first, search, models, limits, settings.checks)
+    return Searched(first, search, models, limits, settings.checks, heartbeat.stopped())
 
 
 def _probes(robot: Robot) -> tuple[Candidate, ...]:
@@ -250,11 +241,12 @@ def _concluded(
     heartbeat.phase("conclude")
     heartbeat("predicting the held-out recordings")
     held = heartbeat.briefly(partial(kept_aside.errors, judged.models[-1].fit.terms), None)
-    built = as_built(search, judged.models[-1].fit, judged.effects)
+    facts = replace(judged.facts, held_out=held, ambiguous=bool(judged.rivals))
     fitter, last = search.fitter, judged.models[-1]
+    built = as_built(search, last.fit, judged.effects)
     unexplained = judged.verdict in UNEXPLAINED
     # Of effects that are the same everywhere and leave only noise, there is no more to look for.
-    nothing = only_noise(limits, judged.after) and constant(limits, judged.after)
+    nothing = only_noise(limits, facts.after) and constant(limits, facts.after)
     left = unexplained and (fitter.windows.discrepancy > 0.0 or not nothing)
     suspects: tuple[SuspectParameter, ...] = ()
     if under_test.model is None:
@@ -265,19 +257,19 @@ def _concluded(
     rivals, forms = sure(parts=judged.rivals), sure(parts=judged.forms)
     ranking = partial(detectable, fitter, judged.models[0], rng, checks)
     return Diagnosis(
-        verdict=_verdict(limits, judged, built, held),
-        answers=(judged.answer, *(asked_about(each) for each in rivals)),
+        verdict=verdict_of(facts),
+        answers=(facts.answer, *(asked_about(each) for each in rivals)),
         ranking=heartbeat.briefly(ranking, judged.models[0].scores, "detectable sizes"),
         threshold=limits.threshold,
         other_forms=tuple(asked_about(each) for each in forms),
         errors=errors(fitter, searched.first, last.fit),
         held_out=held,
-        gain=judged.gain,
+        gain=facts.gain,
         model_discrepancy=fitter.windows.discrepancy,
-        before=judged.before,
-        after=judged.after,
-        misspecification=judged.law,
-        other_form=other_form(limits, judged.law),
+        before=facts.before,
+        after=facts.after,
+        misspecification=facts.law,
+        other_form=other_form(limits, facts.law),
         evidence=Evidence.of(fitter, judged.models, judged.rivals),
         location=localise(fitter, last.test, checks) if left else None,
         discrepancy=heartbeat.in_time(law, None, "a learned law") if left else None,
@@ -291,15 +283,6 @@ def _concluded(
         failures=tuple(heartbeat.failures),
         settings=under_test.settings,
     )
-
-
-def _verdict(limits: Limits, judged: Judged, built: Alternative, held: Errors | None) -> Verdict:
-    """The verdict, by how rivals and held-out recordings bear on it."""
-    if built and judged.verdict is Verdict.NOISE_ONLY and not carries_over(limits, held):
-        return Verdict.OUTSIDE_LIBRARY
-    if judged.rivals and judged.verdict is Verdict.EFFECT:
-        return Verdict.AMBIGUOUS
-    return judged.verdict
 
 
 def _suspects(

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
-from flywheel.diagnosis.checks.adequacy import Adequacy, adequacy
+from flywheel.diagnosis.checks.adequacy import adequacy
 from flywheel.diagnosis.checks.held_out import HeldOut
 from flywheel.diagnosis.checks.held_out_gain import Gain, UnseenWindows
 from flywheel.diagnosis.checks.uncertainty import uncertainty
@@ -16,32 +16,20 @@ from flywheel.diagnosis.fitting.multistart import restarted_where_loud
 from flywheel.diagnosis.heartbeat import Heartbeat
 from flywheel.diagnosis.results.verdict import (
     Alternative,
+    Facts,
     Verdict,
     found,
-    tolerated,
     verdict_of,
-    worth_having,
 )
 from flywheel.diagnosis.selection.alternatives import exchanged, model_without, refitted
 from flywheel.diagnosis.selection.candidates import families, places
-from flywheel.diagnosis.selection.misspecification import (
-    Misspecification,
-    is_probe,
-    misspecification,
-    probed,
-)
+from flywheel.diagnosis.selection.misspecification import is_probe, misspecification, probed
 from flywheel.diagnosis.selection.score_test import ScoredModel
 from flywheel.diagnosis.selection.search import Search, added
 from flywheel.diagnosis.settings import CheckSettings, Limits
 from flywheel.effects import PerPart, Term, at_same_size, taken_apart
 
 EXPLAINED = (Verdict.EFFECT, Verdict.PARTIAL)
-# What is said where what is left counts as an error that any model has: it is left all the same.
-BESIDE_DISCREPANCY = {
-    Verdict.EFFECT: Verdict.PARTIAL,
-    Verdict.NOISE_ONLY: Verdict.OUTSIDE_LIBRARY,
-    Verdict.DATA_INSUFFICIENT: Verdict.OUTSIDE_LIBRARY,
-}
 UNEXPLAINED = (Verdict.OUTSIDE_LIBRARY, Verdict.PARTIAL)
 
 
@@ -55,6 +43,7 @@ class Searched:
       models: of it, the first with the uncertain numbers.
       limits: in force.
       checks: settings of the tests of the answer.
+      stopped: it was stopped before it ended.
     """
 
     first: Fit
@@ -62,6 +51,7 @@ class Searched:
     models: list[ScoredModel]
     limits: Limits
     checks: CheckSettings
+    stopped: bool = False
 
 
 @dataclass(frozen=True)
@@ -71,29 +61,25 @@ class Judged:
     Attributes:
       models: of it.
       effects: of the last model, with intervals.
-      answer: the candidates among them; empty if nothing was found.
-      before, after: residuals of the first and the last model.
-      law: laws outside the library that explain more.
-      verdict: before alternatives are considered.
+      facts: so far; the answer in them has the candidates among the effects.
       shorter: models without one of the effects, as far as they were fitted.
       rivals: other models that explain the recordings as well.
       forms: likewise, of the same effects by other laws.
-      gain: of all added effects, on windows that were not fitted; None for none.
       exchanged: its effects were replaced by others, which gave `rivals`.
     """
 
     models: list[ScoredModel]
     effects: Alternative
-    answer: Alternative
-    before: Adequacy
-    after: Adequacy
-    law: Misspecification
-    verdict: Verdict
+    facts: Facts
     shorter: tuple[ScoredModel, ...] = ()
     rivals: tuple[Fit, ...] = ()
     forms: tuple[Fit, ...] = ()
-    gain: Gain | None = None
     exchanged: bool = False
+
+    @property
+    def verdict(self) -> Verdict:
+        """The verdict, before alternatives and held-out recordings are considered."""
+        return verdict_of(self.facts)
 
 
 def judge_in_time(searched: Searched, held_out: HeldOut, seed: int, heartbeat: Heartbeat) -> Judged:
@@ -134,17 +120,26 @@ def judge(searched: Searched, models: list[ScoredModel], instead: Sequence[Fit] 
     answer = asked_about(effects) if len(models) > 1 else ()
     laws = [each for each in last.probes if is_probe(each.candidate.effect)]
     law = misspecification(first.fit, last.fit, laws, instead, search.criterion)
-    verdict = verdict_of(searched.limits, last, answer, before, after, law)
-    if search.fitter.windows.discrepancy > 0.0 and not tolerated(searched.limits, after):
-        verdict = BESIDE_DISCREPANCY.get(verdict, verdict)
-    return Judged(models, effects, answer, before, after, law, verdict)
+    facts = Facts(
+        limits=searched.limits,
+        answer=answer,
+        before=before,
+        after=after,
+        law=law,
+        converged=math.isfinite(last.fit.cost) and after.converged,
+        blind=all(each.smallest > each.candidate.effect.sizes[0].high for each in last.scores),
+        discrepancy=search.fitter.windows.discrepancy > 0.0,
+        unfinished=searched.stopped and last.scores[0].score >= search.threshold,
+        as_built=bool(as_built(search, last.fit, effects)),
+    )
+    return Judged(models, effects, facts)
 
 
 def without_unsure_effects(searched: Searched, judged: Judged) -> Judged:
     """Without uncertain effects, if others are certain."""
     search = searched.search
     while len(new := added(judged.models)) > 1:
-        unsure = [each for each in judged.answer if each.term in new and not each.shown]
+        unsure = [each for each in judged.facts.answer if each.term in new and not each.shown]
         if not unsure:
             break
         weakest = min(unsure, key=lambda each: each.certainty)
@@ -272,7 +267,7 @@ def with_gains(searched: Searched, judged: Judged, held_out: HeldOut) -> Judged:
             or (built and search.share(last.fit, model.fit, term) < 1.0)
         ]
         if not unclear:
-            return _with_gain(searched, judged, gains, unseen.gain_everywhere(bare, last))
+            return _with_gain(judged, gains, unseen.gain_everywhere(bare, last))
         _, model = min(unclear, key=lambda each: each[0].low)
         models = [*_before(judged.models, model.fit), model]
         judged = replace(judge(searched, models), shorter=tuple(shorter))
@@ -294,19 +289,17 @@ def _from_shorter(
     return found if found.cost < fit.cost - search.threshold else None
 
 
-def _with_gain(searched: Searched, judged: Judged, gains: Sequence[Gain], together: Gain) -> Judged:
+def _with_gain(judged: Judged, gains: Sequence[Gain], together: Gain) -> Judged:
     """An answer with the gain of each of its new effects, and of all of them."""
     by_place = {
         (term.effect.name, term.place): each
         for term, each in zip(added(judged.models), gains, strict=True)
     }
     answer = tuple(
-        replace(each, gain=by_place.get((each.effect, each.term.place))) for each in judged.answer
+        replace(each, gain=by_place.get((each.effect, each.term.place)))
+        for each in judged.facts.answer
     )
-    verdict = judged.verdict
-    if verdict is Verdict.OUTSIDE_LIBRARY and worth_having(searched.limits, together):
-        verdict = Verdict.PARTIAL
-    return replace(judged, answer=answer, gain=together, verdict=verdict)
+    return replace(judged, facts=replace(judged.facts, answer=answer, gain=together))
 
 
 def as_built(search: Search, fit: Fit, effects: Alternative) -> Alternative:

@@ -78,6 +78,8 @@ def sentence(found: Diagnosis) -> str:
     if found.verdict is Verdict.DATA_INSUFFICIENT:
         return "These recordings are too quiet to show any effect of the library."
     if found.verdict is Verdict.NOT_CONVERGED:
+        if found.interrupted:
+            return "The search was stopped before it knew whether an effect is missing, and which."
         return (
             "No initial states were found that fit: the simulation of these recordings diverges, or most "
             "windows fit far worse than they did before the fit."

@@ -116,7 +116,9 @@ class Diagnosis:
         """The next experiment."""
         law = self.misspecification.instead or self.misspecification.name
         other = law if self.other_form and self.location is None else ""
-        return next_experiment(self.verdict, self.answers, self.ranking, self.evidence, other)
+        return next_experiment(
+            self.verdict, self.answers, self.ranking, self.evidence, other, self.interrupted
+        )
 
     @property
     def exit_code(self) -> int:

@@ -19,6 +19,7 @@ AGAIN = (
     "moment belongs to the robot, one that does not came from outside or happened once."
 )
 REST = "Start with the robot lying still for a second, so that its initial state is known."
+MORE_TIME = "None yet: diagnose the same recordings again, with more time."
 LONGER = (
     "Every effect of the library would have been visible at its typical size; smaller ones need "
     "longer recordings."
@@ -61,6 +62,7 @@ def next_experiment(
     ranking: Sequence[Score],
     evidence: Evidence,
     other_law: str = "",
+    interrupted: bool = False,
 ) -> NextExperiment:
     """The experiment recommended for the verdict.
 
@@ -69,9 +71,10 @@ def next_experiment(
       ranking: of all candidates on top of the initial model.
       evidence: similar candidates.
       other_law: a law of no library, whose form an answer without a residual has; "" for none.
+      interrupted: the diagnosis was stopped early.
     """
     if verdict is Verdict.NOT_CONVERGED:
-        return NextExperiment(REST)
+        return NextExperiment(MORE_TIME if interrupted else REST)
     if verdict in (Verdict.PARTIAL, Verdict.OUTSIDE_LIBRARY):
         if other_law:
             return _form(other_law)

@@ -12,8 +12,7 @@ import numpy as np
 from flywheel.diagnosis.checks.adequacy import Adequacy, OwnErrors
 from flywheel.diagnosis.checks.held_out import Errors
 from flywheel.diagnosis.checks.held_out_gain import Gain
-from flywheel.diagnosis.selection.misspecification import Misspecification
-from flywheel.diagnosis.selection.score_test import ScoredModel
+from flywheel.diagnosis.selection.misspecification import NONE, Misspecification
 from flywheel.diagnosis.settings import JacobianSettings, Limits
 from flywheel.diagnosis.statistics import INTERVAL
 from flywheel.effects import Parameter, PerPart, Scales, Term, place_name
@@ -27,10 +26,10 @@ class Verdict(StrEnum):
     """The verdict in a word.
 
     `NOT_CONVERGED` means that the cost of the last model is not finite: no start was found from which the
-    simulation of the recordings stays finite; or that most windows fit far worse than from their first
-    estimates. A search or a fit that ends at a limit on its rounds is judged by its residual, so
-    that the answer is likely to be `OUTSIDE_LIBRARY`. The same holds for an effect whose true value is
-    beyond the bounds of its fit; see `Found.at_bound`.
+    simulation of the recordings stays finite; that most windows fit far worse than from their first
+    estimates; or that the search was stopped before it knew what is missing. A search or a fit that ends at a
+    limit on its rounds is judged by its residual, so that the answer is likely to be `OUTSIDE_LIBRARY`. The
+    same holds for an effect whose true value is beyond the bounds of its fit; see `Found.at_bound`.
     """
 
     NOISE_ONLY = "NOISE_ONLY"
@@ -290,42 +289,71 @@ def other_form(limits: Limits, law: Misspecification) -> bool:
     return imitated(limits, law) or beside
 
 
-def verdict_of(
-    limits: Limits,
-    last: ScoredModel,
-    answer: Alternative,
-    before: Adequacy,
-    after: Adequacy,
-    law: Misspecification,
-) -> Verdict:
-    """The verdict in a word, before alternatives are considered.
+@dataclass(frozen=True)
+class Facts:
+    """Facts about an answer, on which its verdict depends.
 
-    Args:
-      limits: of the diagnosis.
-      last: model of the search.
-      answer: of that; empty if nothing was found.
+    Attributes:
+      limits: in force.
+      answer: its effects; empty if nothing was found.
       before, after: residuals of the first and the last model.
-      law: one that explains more than the answer.
+      law: laws outside the library that explain more than the answer.
+      converged: the last model's cost is finite, and most windows fit no worse than before the fit.
+      blind: no candidate would be visible at any allowed size.
+      discrepancy: the error that any model leaves counts as noise, and is left all the same.
+      unfinished: the search was stopped while further candidates were visible.
+      as_built: numbers of the robot as built belong to the model.
+      gain: of all effects of the answer on windows that were not fitted; None if not computed.
+      held_out: errors on held-out recordings; None without any.
+      ambiguous: other effects explain the recordings as well.
     """
-    if not np.isfinite(last.fit.cost) or not after.converged:
+
+    limits: Limits
+    answer: Alternative
+    before: Adequacy
+    after: Adequacy
+    law: Misspecification = NONE
+    converged: bool = True
+    blind: bool = False
+    discrepancy: bool = False
+    unfinished: bool = False
+    as_built: bool = False
+    gain: Gain | None = None
+    held_out: Errors | None = None
+    ambiguous: bool = False
+
+
+def verdict_of(facts: Facts) -> Verdict:
+    """The verdict in a word, from the facts known so far."""
+    if not facts.converged:
         return Verdict.NOT_CONVERGED
+    verdict = _with_effects(facts) if facts.answer else _without_effects(facts)
+    if facts.unfinished and verdict in (Verdict.NOISE_ONLY, Verdict.OUTSIDE_LIBRARY):
+        return Verdict.NOT_CONVERGED
+    return verdict
+
+
+def _without_effects(facts: Facts) -> Verdict:
+    limits, after = facts.limits, facts.after
+    beside = facts.discrepancy or other_form(limits, facts.law)
+    if not only_noise(limits, after) or (beside and not tolerated(limits, after)):
+        return Verdict.OUTSIDE_LIBRARY
+    if facts.blind:
+        return Verdict.DATA_INSUFFICIENT
+    valid = not facts.as_built or carries_over(limits, facts.held_out)
+    return Verdict.NOISE_ONLY if valid else Verdict.OUTSIDE_LIBRARY
+
+
+def _with_effects(facts: Facts) -> Verdict:
+    limits, before, after, law = facts.limits, facts.before, facts.after, facts.law
     matters = not tolerated(limits, after)
-    enough = only_noise(limits, after) and not (matters and other_form(limits, law))
-    if not answer:
-        if enough:
-            smallest = [score.smallest for score in last.scores]
-            blind = all(
-                size > s.candidate.effect.sizes[0].high
-                for size, s in zip(smallest, last.scores, strict=True)
-            )
-            return Verdict.DATA_INSUFFICIENT if blind else Verdict.NOISE_ONLY
-        return Verdict.OUTSIDE_LIBRARY
     # An effect of which nobody can say that it is there, although it explains much, is not the effect.
-    inconstant = matters and not constant(limits, after)
-    if inconstant or not all(each.shown for each in answer):
-        return Verdict.OUTSIDE_LIBRARY
-    if not enough:
-        explained = (before.noise - after.noise) / max(before.noise - 1.0, 1e-9)
-        partial = explained > limits.partial and not imitated(limits, law)
-        return Verdict.PARTIAL if partial else Verdict.OUTSIDE_LIBRARY
-    return Verdict.EFFECT
+    certain = all(each.shown for each in facts.answer)
+    certain = certain and (constant(limits, after) or not matters)
+    enough = only_noise(limits, after) and not (matters and other_form(limits, law))
+    if certain and enough and not (matters and facts.discrepancy):
+        return Verdict.AMBIGUOUS if facts.ambiguous else Verdict.EFFECT
+    explained = (before.noise - after.noise) / max(before.noise - 1.0, 1e-9)
+    most = enough or (explained > limits.partial and not imitated(limits, law))
+    gained = facts.gain is not None and worth_having(limits, facts.gain)
+    return Verdict.PARTIAL if gained or (certain and most) else Verdict.OUTSIDE_LIBRARY

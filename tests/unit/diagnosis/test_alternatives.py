@@ -8,12 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flywheel.diagnosis import Verdict
+from flywheel.diagnosis import Limits, Verdict
+from flywheel.diagnosis.checks.adequacy import Adequacy
 from flywheel.diagnosis.checks.held_out_gain import Gain
 from flywheel.diagnosis.fitting.least_squares import Fit, KeptColumns
 from flywheel.diagnosis.fitting.model import fitted, fitter_of
 from flywheel.diagnosis.fitting.plant_fit import PlantFitter
 from flywheel.diagnosis.fitting.windows import Windows
+from flywheel.diagnosis.results.verdict import Facts
 from flywheel.diagnosis.selection import alternatives
 from flywheel.diagnosis.selection.alternatives import ExchangedModels
 from flywheel.diagnosis.selection.candidates import candidates
@@ -25,6 +27,14 @@ from tests.unit.diagnosis.conftest import recorded
 
 # By its path: the package has a function of that name.
 conclusion: Any = import_module("flywheel.diagnosis.judgement")
+
+
+def facts_of(verdict: Verdict, answer: tuple[Any, ...] = ()) -> Facts:
+    """Facts with this verdict, about an answer that is shown."""
+    quiet = Adequacy(1.0, 0.0, loudest=0.0, correlation=0.0, inconstancy=0.0, beyond_noise=0.0)
+    loud = replace(quiet, noise=10.0)
+    after = {Verdict.EFFECT: quiet, Verdict.PARTIAL: replace(loud, noise=2.0)}.get(verdict, loud)
+    return Facts(Limits(), answer or (SimpleNamespace(shown=True),), loud, after)
 
 
 def model_of(*terms: Term) -> Any:
@@ -85,7 +95,8 @@ def test_of_two_effects_that_predict_the_same_an_answer_names_both_whatever_else
     first = search.score_all(fitter.first_estimate())
     last = search.score_all(fitter.with_terms(first.fit, (late,)))
     searched: Any = SimpleNamespace(search=search, limits=SimpleNamespace(equally_good=10.0))
-    begun = conclusion.Judged([first, last], (), (), None, None, None, verdict)
+    begun = conclusion.Judged([first, last], (), facts_of(verdict))
+    assert begun.verdict is verdict
     (rival,) = conclusion.with_rivals(searched, begun).rivals
     (other,) = rival.terms
     assert (other.effect.name, other.values) == ("sensor_latency", late.values), seed
@@ -152,7 +163,8 @@ def test_a_shortened_answer_loses_what_is_not_shown_in_it(monkeypatch: pytest.Mo
     def judge(_: Any, models: list[Any]) -> Any:
         terms = models[-1].fit.terms
         answer = [SimpleNamespace(term=t, shown=t is not b, certainty=0.1) for t in terms]
-        return SimpleNamespace(models=models, answer=answer, verdict=Verdict.NOISE_ONLY)
+        facts = SimpleNamespace(answer=answer)
+        return SimpleNamespace(models=models, facts=facts, verdict=Verdict.NOISE_ONLY)
 
     exchange = SimpleNamespace(shorter=lambda _: model_of(a, b))
     monkeypatch.setattr(conclusion, "exchanged", lambda *_: exchange)
@@ -203,8 +215,9 @@ def test_where_a_model_is_wrong_anyway_an_effect_has_to_gain_something_elsewhere
         gain_everywhere = gain
 
     def judge(_: Any, models: list[Any]) -> Any:
-        answer = [SimpleNamespace(effect=t.effect.name, term=t) for t in models[-1].fit.terms]
-        return conclusion.Judged(models, (), tuple(answer), None, None, None, verdict)
+        terms = models[-1].fit.terms
+        answer = [SimpleNamespace(effect=t.effect.name, term=t, shown=True) for t in terms]
+        return conclusion.Judged(models, (), facts_of(verdict, tuple(answer)))
 
     monkeypatch.setattr(conclusion, "UnseenWindows", Unseen)
     monkeypatch.setattr(conclusion, "judge", judge)
@@ -222,9 +235,11 @@ def test_where_a_model_is_wrong_anyway_an_effect_has_to_gain_something_elsewhere
     begun = replace(judge(None, models), shorter=(model("b"),))
     judged = conclusion.with_gains(searched, begun, None)
     assert [name for name in terms if terms[name] in judged.models[-1].fit.terms] == left
-    assert all(each.gain is not None for each in judged.answer)
-    assert judged.gain is not None
-    assert judged.gain.clear == (left == ["a"])  # of both together, this double says that of b
+    assert all(each.gain is not None for each in judged.facts.answer)
+    assert judged.facts.gain is not None
+    assert judged.facts.gain.clear == (
+        left == ["a"]
+    )  # of both together, this double says that of b
 
 
 @pytest.mark.parametrize(("less", "ends"), [(60.0, 50.0), (90.0, None), (60.0, 80.0)])

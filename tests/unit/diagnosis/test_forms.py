@@ -102,8 +102,8 @@ def test_sizes_that_gain_nothing_elsewhere_become_one_size(robot: Robot, seed: i
     fit = search.fit_until(search.fitter.with_terms(last, (uneven,)))
     judged = judge(searched, [searched.models[0], search.score_all(fit)])
     held_out = HeldOut(under_test, [recorded(robot, (hidden,), seed + 9)], search.fitter.windows)
-    (answer,) = without_unclear_factors(searched, judged, held_out).answer
-    assert isinstance(judged.answer[0].term.effect, PerPart) and not answer.by_part, seed
+    (answer,) = without_unclear_factors(searched, judged, held_out).facts.answer
+    assert isinstance(judged.facts.answer[0].term.effect, PerPart) and not answer.by_part, seed
     assert answer.term.values == pytest.approx(term.values, rel=0.02)
 
 

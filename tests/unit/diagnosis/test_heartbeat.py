@@ -3,7 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flywheel.diagnosis import diagnose, judgement
+from flywheel.diagnosis import Verdict, diagnose, judgement
 from flywheel.diagnosis.fitting.least_squares import Fit
 from flywheel.diagnosis.heartbeat import (
     GRACE,
@@ -21,7 +21,7 @@ from flywheel.diagnosis.settings import changed
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS, Term, Terms
 from flywheel.errors import DataError
-from flywheel.reports.diagnosis_page import diagnosis_page
+from flywheel.reports.diagnosis_page import diagnosis_page, sentence
 from flywheel.robots import load_robot
 from tests import draws
 from tests.unit.diagnosis.conftest import QUICK, recorded
@@ -175,6 +175,10 @@ def test_who_is_stopped_gives_the_best_answer_so_far(found: bool) -> None:
     assert answer.interrupted
     assert answer.exit_code == 130
     assert [each.effect for each in answer.answers[0]] == ["winch_gain"] * found
+    # Before anything was fitted, nobody knows what is missing.
+    assert answer.verdict is (Verdict.EFFECT if found else Verdict.NOT_CONVERGED)
+    assert ("stopped before it knew" in sentence(answer)) is not found
+    assert ("more time" in answer.next_experiment.aim) is not found
     assert answer.held_out is not None
     assert "best answer so far" in diagnosis_page(answer, {})
     adopted = Answer.of(answer.summary())

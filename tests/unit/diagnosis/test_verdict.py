@@ -2,15 +2,17 @@
 
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from flywheel.diagnosis.checks.adequacy import Adequacy, OwnErrors, astray, mostly
 from flywheel.diagnosis.checks.held_out import Errors
+from flywheel.diagnosis.checks.held_out_gain import Gain
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
 from flywheel.diagnosis.results.verdict import (
+    Facts,
     Found,
     Verdict,
     beyond,
@@ -18,8 +20,7 @@ from flywheel.diagnosis.results.verdict import (
     found,
     verdict_of,
 )
-from flywheel.diagnosis.selection.misspecification import NONE
-from flywheel.diagnosis.selection.score_test import ScoredModel
+from flywheel.diagnosis.selection.misspecification import Misspecification
 from flywheel.diagnosis.settings import Limits
 from flywheel.effects import EFFECTS, Scales, Term
 from flywheel.robots import Robot
@@ -112,25 +113,77 @@ def test_what_is_explained_carries_over_to_held_out_recordings_or_does_not() -> 
     assert not carries_over(limits, Errors(noise=1.0, baseline=5.0, augmented=1.11))
 
 
-@pytest.mark.parametrize(("partial", "verdict"), [(0.5, "PARTIAL"), (0.7, "OUTSIDE_LIBRARY")])
-def test_an_answer_with_most_of_the_error_is_a_part_of_what_is_missing(partial, verdict):
-    """Of an error of 10 noise variances it leaves 4.6: 0.6 of what was beyond noise is explained."""
-    before, after = (
-        Adequacy(noise, 0.0, loudest=50.0, correlation=0.5, inconstancy=0.0, beyond_noise=1.0)
-        for noise in (10.0, 4.6)
-    )
-    last = cast(ScoredModel, SimpleNamespace(fit=SimpleNamespace(cost=1.0)))
-    answer = (cast(Found, SimpleNamespace(shown=True)),)
-    limits = Limits(partial=partial)
-    assert verdict_of(limits, last, answer, before, after, NONE) is Verdict(verdict)
+QUIET = Adequacy(1.0, 0.0, loudest=0.0, correlation=0.0, inconstancy=0.0, beyond_noise=0.0)
+LOUD, LESS = (
+    Adequacy(noise, 0.0, loudest=50.0, correlation=0.5, inconstancy=0.0, beyond_noise=1.0)
+    for noise in (10.0, 4.6)
+)
+SHOWN, UNSURE = (cast(Found, SimpleNamespace(shown=shown)) for shown in (True, False))
+NOTHING = Facts(Limits(), (), LOUD, QUIET)
+FOUND = replace(NOTHING, answer=(SHOWN,))
+CLEAR, UNCLEAR, LITTLE = (
+    Gain(share, share, share, clear, 9, 0)
+    for share, clear in ((0.2, True), (0.2, False), (0.05, True))
+)
+WORSE = Errors(noise=1.0, baseline=5.0, augmented=2.0)
+OTHER_LAW = Misspecification("law", score=100.0, share=0.5)
+IMITATED = replace(OTHER_LAW, instead="law", gain=100.0)
+TOLERANT = Limits(tolerance=2.0)
 
 
-def test_nothing_is_said_where_most_fits_ended_above_their_first_estimates() -> None:
-    left = Adequacy(1.0, 0.0, loudest=0.0, correlation=0.0, inconstancy=0.0, beyond_noise=0.0)
-    last = cast(ScoredModel, SimpleNamespace(fit=SimpleNamespace(cost=1.0), scores=()))
-    lost = replace(left, converged=False)
-    assert verdict_of(Limits(), last, (), left, lost, NONE) is Verdict.NOT_CONVERGED
-    assert verdict_of(Limits(), last, (), lost, left, NONE) is not Verdict.NOT_CONVERGED
+@pytest.mark.parametrize(
+    ("facts", "changes", "verdict"),
+    [
+        (NOTHING, {}, "NOISE_ONLY"),
+        (NOTHING, {"blind": True}, "DATA_INSUFFICIENT"),
+        (NOTHING, {"after": LESS}, "OUTSIDE_LIBRARY"),
+        (NOTHING, {"after": LESS, "limits": TOLERANT}, "NOISE_ONLY"),
+        (NOTHING, {"law": OTHER_LAW}, "OUTSIDE_LIBRARY"),
+        (NOTHING, {"discrepancy": True}, "OUTSIDE_LIBRARY"),  # which counts as noise, and is left
+        (NOTHING, {"discrepancy": True, "after": LESS, "limits": TOLERANT}, "NOISE_ONLY"),
+        (NOTHING, {"as_built": True}, "NOISE_ONLY"),
+        (NOTHING, {"as_built": True, "held_out": WORSE}, "OUTSIDE_LIBRARY"),
+        (NOTHING, {"held_out": WORSE}, "NOISE_ONLY"),
+        (FOUND, {}, "EFFECT"),
+        (FOUND, {"ambiguous": True}, "AMBIGUOUS"),
+        (FOUND, {"discrepancy": True}, "PARTIAL"),
+        (FOUND, {"answer": (SHOWN, UNSURE)}, "OUTSIDE_LIBRARY"),
+        (FOUND, {"after": replace(QUIET, inconstancy=2.0)}, "OUTSIDE_LIBRARY"),
+        (FOUND, {"after": LESS}, "PARTIAL"),  # .6 of what was beyond noise is explained
+        (FOUND, {"after": LESS, "ambiguous": True}, "PARTIAL"),
+        (FOUND, {"after": LESS, "limits": Limits(partial=0.7)}, "OUTSIDE_LIBRARY"),
+        (FOUND, {"law": OTHER_LAW}, "PARTIAL"),
+        (FOUND, {"law": IMITATED}, "OUTSIDE_LIBRARY"),
+        (FOUND, {"law": IMITATED, "gain": CLEAR}, "PARTIAL"),
+        (FOUND, {"law": IMITATED, "gain": UNCLEAR}, "OUTSIDE_LIBRARY"),
+        (FOUND, {"law": IMITATED, "gain": LITTLE}, "OUTSIDE_LIBRARY"),
+        (FOUND, {"answer": (UNSURE,), "gain": CLEAR}, "PARTIAL"),
+        (FOUND, {"converged": False}, "NOT_CONVERGED"),
+        (NOTHING, {"converged": False}, "NOT_CONVERGED"),
+    ],
+)
+def test_a_verdict_follows_from_the_facts(
+    facts: Facts, changes: dict[str, Any], verdict: str
+) -> None:
+    assert verdict_of(replace(facts, **changes)) is Verdict(verdict)
+
+
+@pytest.mark.parametrize(
+    ("facts", "changes", "verdict"),
+    [
+        (NOTHING, {"after": LESS}, "NOT_CONVERGED"),
+        (NOTHING, {}, "NOT_CONVERGED"),  # a small effect may hide in noise
+        (NOTHING, {"blind": True}, "DATA_INSUFFICIENT"),
+        (FOUND, {"answer": (UNSURE,)}, "NOT_CONVERGED"),
+        (FOUND, {"after": LESS}, "PARTIAL"),
+        (FOUND, {}, "EFFECT"),
+    ],
+)
+def test_a_search_that_was_stopped_does_not_know_what_is_missing(
+    facts: Facts, changes: dict[str, Any], verdict: str
+) -> None:
+    """Something that nothing explains so far is not outside the library for that."""
+    assert verdict_of(replace(facts, unfinished=True, **changes)) is Verdict(verdict)
 
 
 def test_a_window_has_not_converged_where_it_is_far_above_what_it_began_with() -> None:
