@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,9 @@ from flywheel.errors import ConfigError, DataError
 
 MOST_FRAMES = 65_534  # ezc3d counts no further
 LARGEST = 2_000_000_000  # [bytes]
+BLOCK = 512  # [bytes], of which a file is made
+PARAMETERS = 2 * 255 * BLOCK  # [bytes] within which all parameters end, wherever they begin
+DIMENSIONS = 7  # of a parameter, by the format
 
 
 def read(path: Path, names: tuple[str, ...]) -> Contents:
@@ -23,8 +27,12 @@ def read(path: Path, names: tuple[str, ...]) -> Contents:
     except ImportError:
         raise ConfigError("C3D needs ezc3d: install flywheel[formats].") from None
     with path.open("rb") as file:
-        header = file.read(512)
+        header, more = file.read(BLOCK), file.read(PARAMETERS)
     _check_header(header, path.stat().st_size)
+    try:
+        _check_parameters(header + more)
+    except (IndexError, struct.error):
+        raise DataError("it is damaged: its parameters have no end.") from None
     try:
         content = ezc3d.c3d(str(path))
         return _contents(content, header)
@@ -36,7 +44,7 @@ def read(path: Path, names: tuple[str, ...]) -> Contents:
 
 def _check_header(header: bytes, size: int) -> None:
     """Raises DataError if a header promises more than the file can hold."""
-    if len(header) < 512 or size > LARGEST:
+    if len(header) < BLOCK or size > LARGEST:
         raise DataError("it is no C3D file: its header is cut, or it is larger than 2 GB.")
     parameters, _, points, analogs, first, last = struct.unpack("<BBHHHH", header[:10])
     if struct.unpack("<f", header[12:16])[0] == 0 or parameters < 2 or last < first:
@@ -44,6 +52,29 @@ def _check_header(header: bytes, size: int) -> None:
     least = (last - first + 1) * (points * 4 + analogs) * 2
     if least > size:
         raise DataError(f"its header promises {least:,} bytes of frames; the file has {size:,}.")
+
+
+def _check_parameters(content: bytes) -> None:
+    """Raises DataError if a parameter promises more than there is: ezc3d counts through all of it.
+
+    Args:
+      content: of the file, up to the end of its parameters.
+    """
+    at = (content[0] - 1) * BLOCK
+    at += 3 + max(1, content[at])
+    while length := struct.unpack_from("b", content, at)[0]:  # of a name; negative if it is locked
+        group, at = content[at + 1] > 127, at + 2 + abs(length)
+        (following,) = struct.unpack_from("<H", content, at)
+        sizes = content[at + 4 : at + 4 + content[at + 3]]
+        promised = math.prod(max(1, size) for size in sizes)
+        if not group and (len(sizes) > DIMENSIONS or promised > len(content) - at):
+            raise DataError(
+                f"it is damaged: a parameter has {len(sizes)} dimensions and {promised:.3g} values, for "
+                f"which there are {len(content) - at:,} bytes."
+            )
+        if not following:
+            return
+        at += following
 
 
 def _contents(content: Any, header: bytes) -> Contents:

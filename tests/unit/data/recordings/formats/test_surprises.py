@@ -62,6 +62,22 @@ def test_a_c3d_of_more_frames_than_are_counted_is_refused(tmp_path: Path) -> Non
         open_log(c3d(tmp_path / "a.c3d", 70_000))
 
 
+def test_a_c3d_whose_parameter_promises_more_than_the_file_has_is_not_given_to_its_reader(
+    tmp_path: Path,
+) -> None:
+    path = c3d(tmp_path / "a.c3d", 10)
+    content = bytearray(path.read_bytes())
+    sizes = (
+        content.index(b"LABELS") + len("LABELS") + 4
+    )  # after the next one's place, type and number
+    content[sizes : sizes + 2] = 255, 255
+    path.write_bytes(content)
+    with pytest.raises(
+        DataError, match=r"2 dimensions and 6.5e\+04 values, for which there are \d,"
+    ):
+        open_log(path)
+
+
 def test_matlabs_whole_numbers_and_logicals_are_numbers(tmp_path: Path) -> None:
     from scipy.io import savemat
 
