@@ -62,12 +62,20 @@ _SEARCH = _Unfit(
     "lets MuJoCo look for the lengths of its actuators",
     'no winch needs that, and the compiler may simulate for ever: delete it, or write mode="none"',
 )
+_DOUBLED = _Unfit(
+    "has a sensor of nothing beside <replicate>",
+    "MuJoCo doubles it with each copy: delete it",
+)
 UNFIT = {
     **dict.fromkeys(("mesh", "hfield", "skin", "include", "model", "attach"), _FILE),
     **dict.fromkeys(("flexcomp", "flex", "deformable", "composite"), _SOFT),
     **dict.fromkeys(("plugin", "extension"), _PLUGIN),
     "muscle": _MUSCLE,
 }
+KINDS = ("body", "site", "camera", "light", "target", "joint", "geom", "tendon", "actuator")
+REFERENCES = {f"{kind}{number}" for kind in KINDS for number in ("", "1", "2")} | {
+    *("objname", "refname", "sidesite", "cranksite", "slidersite", "refsite", "jointinparent")
+}  # attributes that name another element
 WITHOUT_SEARCH = (
     "muscle",
     "none",
@@ -226,12 +234,26 @@ def refuse_unfit(root: ElementTree.Element, what: str) -> None:
             unfit = _MUSCLE
         if unfit is not None:
             found.setdefault(unfit, []).append(_begun(element))
+    for _, element in doubled_sensors(root):
+        found.setdefault(_DOUBLED, []).append(_begun(element))
     problems = Problems()
     for unfit, elements in found.items():
         more = f" and {len(elements) - SHOWN} more" if len(elements) > SHOWN else ""
         reason = f"{what} {unfit.does} ({', '.join(elements[:SHOWN])}{more}); {unfit.but}."
         problems.add(reason, bad_input=True)
     problems.check()
+
+
+def doubled_sensors(
+    root: ElementTree.Element,
+) -> list[tuple[ElementTree.Element, ElementTree.Element]]:
+    """Sections and sensors, such as <clock>, that MuJoCo doubles with each copy of <replicate>."""
+    return [
+        (section, element)
+        for section in (root.findall("sensor") if root.find(".//replicate") is not None else ())
+        for element in section
+        if isinstance(element.tag, str) and REFERENCES.isdisjoint(element.keys())
+    ]
 
 
 def _begun(element: ElementTree.Element) -> str:

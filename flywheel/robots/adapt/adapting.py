@@ -13,6 +13,7 @@ from xml.etree import ElementTree
 
 from flywheel.errors import RobotError
 from flywheel.options import AdaptOptions
+from flywheel.robots.adapt.copies import copies
 from flywheel.robots.adapt.draft import Change, Draft
 from flywheel.robots.adapt.files import includes, pictures
 from flywheel.robots.adapt.made_winches import made_winches
@@ -37,6 +38,7 @@ OF_TEXT: dict[str, Callable[[Draft], Iterator[Change]]] = {
     "files": pictures,
     "meshes": meshes,
     "old-words": old_words,
+    "copies": copies,
     "names": names,
     "keys": fitting,
 }

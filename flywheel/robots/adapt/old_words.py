@@ -37,9 +37,23 @@ def old_words(draft: Draft) -> Iterator[Change]:
             if old in element.attrib:
                 element.set(new, element.attrib.pop(old))
                 yield Change((f"{new} for {old}",), "It has another name now.", Certainty.CERTAIN)
+    yield from _asleep(draft)
     yield from _unlimited(draft)
     yield from _collision(draft)
     yield from _global(draft)
+
+
+def _asleep(draft: Draft) -> Iterator[Change]:
+    """Bodies that may sleep, which MuJoCo refuses of bodies that springs pull."""
+    edits = [
+        f'no sleep="{element.attrib.pop("sleep")}" in <{element.tag}>'
+        for tag in ("flag", "body")
+        for element in draft.root.iter(tag)
+        if "sleep" in element.attrib
+    ]
+    if edits:
+        reason = "MuJoCo lets no body sleep that a spring pulls."
+        yield Change(tuple(edits), reason, Certainty.GUESS)
 
 
 def _unlimited(draft: Draft) -> Iterator[Change]:

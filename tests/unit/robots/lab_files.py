@@ -362,6 +362,31 @@ def ropes(folder: Path) -> Path:
     )
 
 
+def weights_in_a_row(folder: Path) -> Path:
+    """Weights with two springs each and a motor, all copied, a clock, and a keyframe; they may sleep."""
+    return written(
+        folder,
+        f"""<mujoco model="row"><compiler angle="radian" eulerseq="zyx"/><option timestep=".002"/>
+  <worldbody>{FLOOR}<site name="rail" pos="0 0 2"/>
+    <replicate count="3" offset=".5 0 .1" euler=".3 .2 .1" sep="-">
+      <site name="hook" pos="0 0 1.6"/>
+      <body name="weight" pos="0 0 1" sleep="allowed"><freejoint/><geom size=".05" mass="1"/>
+        <site name="top"/>
+        <replicate count="2" offset="0 .1 0"><site name="ring" pos="0 -.05 0"/></replicate></body>
+    </replicate>
+    <body name="other" pos="-1 0 1"><freejoint/><geom size=".05" mass="1"/><site name="eye"/></body>
+  </worldbody>
+  <default><default class="soft"><tendon stiffness="90" damping="3" springlength="0 .9"/></default></default>
+  <tendon>
+    <spatial name="spring" class="soft"><site site="rail"/><site site="ring"/></spatial>
+    <spatial name="own" class="soft"><site site="rail"/><site site="eye"/></spatial>
+    <spatial name="pulled"><site site="hook"/><site site="top"/></spatial>
+  </tendon>
+  <actuator><position name="motor" tendon="pulled" kp="90" kv="3" ctrlrange=".5 2"/></actuator>
+  <sensor><clock name="clock"/><framepos name="seen" objtype="site" objname="eye"/></sensor></mujoco>""",
+    )
+
+
 def hinged_leg(folder: Path) -> Path:
     """A leg with a knee and meshes whose files are elsewhere."""
     return written(
@@ -441,6 +466,7 @@ ADAPTABLE = (
     crossed_bars,
     ropes,
     tension_motors,
+    weights_in_a_row,
 )
 DRIVEN_FROM_PYTHON = {
     "prism_driven_from_python": ("b?-t?",),

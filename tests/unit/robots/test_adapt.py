@@ -94,6 +94,28 @@ def test_an_adapted_file_needs_no_more_changes(tmp_path):
     assert read_robot(again.xml).digest == read_robot(first.xml).digest
 
 
+def test_copies_are_written_out_as_mujoco_makes_them(tmp_path):
+    path = lab_files.weights_in_a_row(tmp_path)
+    result = adapt(path)
+    text = path.read_text().replace('<clock name="clock"/>', "").replace('sleep="allowed"', "")
+    theirs, ours = model_of(text), model_of(result.xml)
+    for kind in ("body", "tendon", "actuator"):
+        count = {"body": theirs.nbody, "tendon": theirs.ntendon, "actuator": theirs.nu}[kind]
+        names = [getattr(theirs, kind)(i).name for i in range(count)]
+        assert [getattr(ours, kind)(i).name for i in range(count)] == names
+        assert {"body": "weight-2", "tendon": "spring1-2", "actuator": "motor-2"}[kind] in names
+    for field in ("body_pos", "body_quat", "tendon_length0"):
+        np.testing.assert_allclose(getattr(ours, field), getattr(theirs, field), atol=1e-12)
+    (edits,) = (change.edits for name, change in result.changes if name == "copies")
+    assert edits[-1] == "no <clock>, which MuJoCo doubles with each copy"
+
+
+def test_sensors_that_mujoco_doubles_with_each_copy_are_refused_before_they_fill_the_memory():
+    many = '<replicate count="2" offset="1 0 0"><site name="s"/></replicate>'
+    with pytest.raises(MjcfError, match=r"sensor of nothing beside <replicate> \(<e_kinetic>\)"):
+        model_of(f"<mujoco><worldbody>{many}</worldbody><sensor><e_kinetic/></sensor></mujoco>")
+
+
 def test_drums_become_winches_of_the_same_tension(tmp_path):
     result = adapted(lab_files.platform_with_drums, tmp_path)
     drum = attributes(result, "general", "drum0")
