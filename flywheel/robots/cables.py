@@ -107,7 +107,20 @@ def about_bent(path: Sequence[str]) -> str:
 
 def curved(model: mujoco.MjModel, tendon: int) -> bool:
     """True for a tendon whose stiffness or damping is a polynomial."""
-    return bool(model.tendon_stiffnesspoly[tendon].any() or model.tendon_dampingpoly[tendon].any())
+    on = (model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON) & (
+        model.actuator_trnid[:, 0] == tendon
+    )
+    curves = (
+        model.tendon_stiffnesspoly[tendon],
+        model.tendon_dampingpoly[tendon],
+        model.actuator_dampingpoly[on],
+    )
+    return any(curve.any() for curve in curves)
+
+
+def _damping(model: mujoco.MjModel, actuator: int) -> float:
+    """Damping of an actuator [N s/m]: of its force, and beside it."""
+    return float(model.actuator_damping[actuator] - model.actuator_biasprm[actuator, 2])
 
 
 def _driven(model: mujoco.MjModel) -> dict[int, int]:
@@ -141,7 +154,7 @@ class _Tendons:
             name=name,
             ends=self._ends(tendon),
             stiffness=0.0 if told else float(model.actuator_gainprm[actuator, 0]),
-            damping=float(model.tendon_damping[tendon] - model.actuator_biasprm[actuator, 2]),
+            damping=float(model.tendon_damping[tendon] + _damping(model, actuator)),
             rest_length=0.0 if told else float(act[model.actuator_actadr[actuator]]),
             winch=winch,
         )
@@ -151,11 +164,12 @@ class _Tendons:
         model, name, ends = self.model, self.model.tendon(tendon).name, self._ends(tendon)
         stiffness, damping = model.tendon_stiffness[tendon], model.tendon_damping[tendon]
         low, rest = model.tendon_lengthspring[tendon]
-        clamped = _clamped_actuator(model, tendon)
+        clamped = clamped_actuator(model, tendon)
         if clamped is not None:
-            pull, minus_k, minus_c = model.actuator_biasprm[clamped, :3]
+            pull, minus_k = model.actuator_biasprm[clamped, :2]
+            damping += _damping(model, clamped)
             if stiffness == 0 and minus_k < 0:
-                return Cable(name, ends, -minus_k, damping - minus_c, -pull / minus_k, -1)
+                return Cable(name, ends, -minus_k, damping, -pull / minus_k, -1)
         elif stiffness > 0 and low == 0 < rest:
             return Cable(name, ends, float(stiffness), float(damping), float(rest), -1)
         elif stiffness > 0:
@@ -207,7 +221,7 @@ class _Tendons:
         return Attachment(body, offset, min(self.bodies[body].points, key=gap))
 
 
-def _clamped_actuator(model: mujoco.MjModel, tendon: int) -> int | None:
+def clamped_actuator(model: mujoco.MjModel, tendon: int) -> int | None:
     """The passive actuator on the tendon that can only pull, if there is exactly one."""
     found = [
         a
@@ -216,6 +230,6 @@ def _clamped_actuator(model: mujoco.MjModel, tendon: int) -> int | None:
         and model.actuator_trntype[a] == mujoco.mjtTrn.mjTRN_TENDON
         and model.actuator_trnid[a, 0] == tendon
         and model.actuator_forcelimited[a]
-        and model.actuator_forcerange[a, 1] <= 0
+        and model.actuator_forcerange[a, 1] == 0
     ]
     return found[0] if len(found) == 1 else None

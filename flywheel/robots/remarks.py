@@ -7,9 +7,11 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
+from flywheel.robots.cables import clamped_actuator
 from flywheel.robots.robot import Robot
 
 HARDLY = 1e-9  # [m]; more than a limit may be exceeded by for how numbers are written
+SLOW = 300.0  # [s] through all its positions: no episode shows a winch that takes longer
 
 
 def remarks(robot: Robot) -> Iterator[str]:
@@ -33,8 +35,9 @@ def remarks(robot: Robot) -> Iterator[str]:
             "No cable is taut at its keyframe: nothing holds it there, and it falls in. Rest lengths (act, "
             "springlength) shorter than the cables are there give tension."
         )
-    yield from _on_damping(model, robot)
-    yield from _on_constraints(model)
+    yield from _on_slack(model, robot)
+    yield from _on_slow_winches(robot)
+    yield from _beside(model, robot)
     yield from _on_sensors(model, robot)
 
 
@@ -60,26 +63,52 @@ def _on_limits(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[str]:
             )
 
 
-def _on_damping(model: mujoco.MjModel, robot: Robot) -> Iterator[str]:
-    pushing = [
-        repr(cable.name)
-        for tendon, cable in enumerate(robot.cables)
-        if cable.winch >= 0 and model.tendon_damping[tendon] > 0
-    ]
-    if pushing:
+def _on_slack(model: mujoco.MjModel, robot: Robot) -> Iterator[str]:
+    """Forces of winched cables that they have while they are slack, too."""
+    found: dict[str, list[str]] = {}
+    for winch in robot.winches:
+        for tendon, actuator in zip(winch.cables, winch.actuators, strict=True):
+            acting = {
+                "damping": model.tendon_damping[tendon] + model.actuator_damping[actuator],
+                "armature": model.tendon_armature[tendon] + model.actuator_armature[actuator],
+                "frictionloss": model.tendon_frictionloss[tendon],
+            }
+            for word, value in acting.items():
+                if value > 0:
+                    found.setdefault(word, []).append(repr(robot.cables[tendon].name))
+    for word, names in found.items():
+        instead = "; that in biasprm (its third number) only pulls" * (word == "damping")
         yield (
-            f"The damping of the winched tendons {', '.join(pushing)} acts while they are slack, too, and "
-            "pushes their ends apart; that in biasprm (its third number) only pulls."
+            f"The {word} of the winched tendons {', '.join(names)} acts while they are slack, too, and "
+            f"can push their ends apart{instead}."
         )
 
 
-def _on_constraints(model: mujoco.MjModel) -> Iterator[str]:
-    names = [model.eq(i).name or f"number {i}" for i in range(model.neq)]
-    if names:
+def _on_slow_winches(robot: Robot) -> Iterator[str]:
+    slow = {
+        repr(winch.name): (winch.rest_range[1] - winch.rest_range[0]) / max(winch.control_range)
+        for winch in robot.winches
+        if winch.kind == "rate" and max(winch.control_range) > 0
+    }
+    if slow and min(slow.values()) > SLOW:
         yield (
-            f"Equality constraints ({', '.join(names)}) act beside the cables: the plant has them, networks "
-            "do not see them."
+            f"The winches {', '.join(slow)} take at least {min(slow.values()):.3g} s from their shortest to "
+            "their longest rest length: is their ctrlrange in m/s?"
         )
+
+
+def _beside(model: mujoco.MjModel, robot: Robot) -> Iterator[str]:
+    """Forces that are no cable's: constraints, and passive actuators beside those that are cables."""
+    own: set[int | None] = {actuator for winch in robot.winches for actuator in winch.actuators}
+    own |= {clamped_actuator(model, t) for t, cable in enumerate(robot.cables) if cable.winch < 0}
+    actuators = [model.actuator(i).name for i in range(model.nu) if i not in own]
+    constraints = [model.eq(i).name or f"number {i}" for i in range(model.neq)]
+    for kind, names in (("Equality constraints", constraints), ("Passive actuators", actuators)):
+        if names:
+            yield (
+                f"{kind} ({', '.join(names)}) act beside the cables: the plant has them, networks "
+                "do not see them."
+            )
 
 
 def _on_sensors(model: mujoco.MjModel, robot: Robot) -> Iterator[str]:

@@ -149,7 +149,7 @@ def _unmet(model: mujoco.MjModel, actuator: int) -> list[str]:
         ),
         *_laws(model, actuator),
         (
-            model.actuator_forcelimited[actuator] and force[0] < 0 and force[1] <= 0,
+            model.actuator_forcelimited[actuator] and force[0] < 0 == force[1],
             'only pull, with a forcerange "-F 0"'
             f"{_counting('force', model.actuator_forcelimited[actuator], force)}; got "
             f"{tuple(force.tolist())}",

@@ -33,7 +33,7 @@ def forces(draft: Draft) -> Iterator[Change]:
     data = at_start(model)
     for actuator, name in _winches(model):
         limited, (low, high) = _limits(model, "force", actuator)
-        if limited and low < 0 and high <= 0:
+        if limited and low < 0 == high:
             continue
         # Without a limit, more than there is on a cable that is wound in altogether.
         never = float(model.actuator_gainprm[actuator, 0]) * _longest(model, data, actuator)

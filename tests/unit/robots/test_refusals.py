@@ -149,6 +149,10 @@ def test_the_example_itself_is_accepted() -> None:
         ([('ctrllimited="true" ctrlrange="-1 1"', "")], "'reel' must have a ctrlrange"),
         ([('actlimited="true" actrange="0.5 2"', "")], "'reel' must have an actrange"),
         (
+            [('forcerange="-99 0"', 'forcerange="-99 -9"')],
+            r"'reel' must only pull.*\(-99.0, -9.0\)",
+        ),
+        (
             [('forcerange="-99 0"', 'forcerange="-99 99"')],
             r"'reel' must only pull.*\(-99.0, 99.0\)",
         ),
@@ -376,13 +380,38 @@ def test_the_example_needs_no_remark() -> None:
     assert list(remarks(read_robot(GOOD))) == []
 
 
-def test_damping_that_pushes_and_constraints_are_said() -> None:
-    damped = edited(('<spatial name="cord"', '<spatial name="cord" damping="3"'))
-    (words,) = remarks(read_robot(damped))
-    assert "winched tendons 'cord' acts while they are slack" in words
+@pytest.mark.parametrize(
+    ("element", "attribute", "damping"),
+    [
+        ('<spatial name="cord"', 'damping="3"', 8.0),
+        ('<general name="reel"', 'damping="3"', 8.0),
+        ('<spatial name="cord"', 'armature="3"', 5.0),
+        ('<general name="reel"', 'armature="3"', 5.0),
+        ('<spatial name="cord"', 'frictionloss="3"', 5.0),
+    ],
+)
+def test_what_acts_at_a_slack_cable_is_said_and_its_damping_counts(element, attribute, damping):
+    robot = read_robot(edited((element, f"{element} {attribute}")))
+    (words,) = remarks(robot)
+    word = attribute.partition("=")[0]
+    assert f"The {word} of the winched tendons 'cord' acts while they are slack" in words
+    assert robot.cables[0].damping == pytest.approx(damping)
+
+
+def test_forces_that_are_no_cables_are_said() -> None:
     weld = '<equality><connect name="pin" body1="shade" anchor="0 0 0"/></equality></mujoco>'
     (words,) = remarks(read_robot(edited(("</mujoco>", weld))))
     assert "Equality constraints (pin)" in words
+    beside = '<general name="beside" tendon="cord" gainprm="0" biastype="affine" biasprm="9 -9"/>'
+    (words,) = remarks(read_robot(edited(("</actuator>", f"{beside}</actuator>"))))
+    assert "Passive actuators (beside) act beside the cables" in words
+
+
+@pytest.mark.parametrize(("fastest", "said"), [("0.001", True), ("0.1", False)])
+def test_a_winch_that_is_out_of_scale_is_said(fastest: str, said: bool) -> None:
+    slow = edited(('ctrlrange="-1 1"', f'ctrlrange="-{fastest} {fastest}"'))
+    words = " ".join(remarks(read_robot(slow)))
+    assert ("The winches 'reel' take at least 1.5e+03 s" in words) == said == bool(words)
 
 
 def test_a_robot_spans_the_space_between_its_fixed_cable_ends() -> None:
