@@ -90,7 +90,8 @@ def check(
     out.say(words, style="red" if not usable else "green" if end.still else "yellow")
     if not usable:
         raise typer.Exit(FAILED)
-    show_steps(out, plant)
+    if not show_steps(out, plant):
+        raise typer.Exit(FAILED)
     for remark in _remarks(found, end, step):
         out.say(remark, style="yellow")
     if found.winches and not found.tension_driven:

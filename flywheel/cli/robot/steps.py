@@ -29,12 +29,15 @@ ENOUGH = 1e-3  # of the robot's length: a third of what motion capture scatters
 SPARE = 0.5  # of the stable limit: dampers of a fitted or a lighter robot may come nearer to it
 
 
-def show_steps(out: Out, plant: Plant) -> None:
-    """Print the error due to the time steps of a usable robot.
+def show_steps(out: Out, plant: Plant) -> bool:
+    """Print the error due to the time steps of a robot that settles.
 
     Args:
       out: to print to.
       plant: of the robot.
+
+    Returns:
+      False if the robot diverges under commands.
     """
     from flywheel.dynamics.plant import cable_damping
     from flywheel.errors import ModelError
@@ -43,11 +46,12 @@ def show_steps(out: Out, plant: Plant) -> None:
     try:
         errors = measured(plant)
     except ModelError as error:
-        out.say(f"Its time steps could not be measured. {error}", style="yellow")
-        return
+        how = "under random commands" if robot.winches else "thrown at random"
+        out.say(f"It diverges {how}. {error}", style="red")
+        return not robot.winches
     if not errors:
         out.say("It is too slow for its time steps to be measured here.")
-        return
+        return True
     out.print(
         table(
             f"Time steps: where tracked points are after {SECONDS:g} s "
@@ -68,6 +72,7 @@ def show_steps(out: Out, plant: Plant) -> None:
     out.say(advice(errors, robot, damping))
     if words := _limit("RK4" if robot.integrator == "RK4" else "Euler", robot.timestep, damping):
         out.say(words)
+    return True
 
 
 def beyond_limit(plant: Plant) -> str:

@@ -30,7 +30,9 @@ def collect(run: Run, iteration: int, arms: list[Arm], tally: Tally) -> list[Col
     collected = []
     for arm in arms:
         done, valid = episode_notes(report, plans[arm]), valid_notes(report, plans[arm], tally)
-        _check_enough(run.config, len(plans[arm]), len(valid), f"iteration {iteration} ({arm})")
+        _check_enough(
+            run.config, len(plans[arm]), len(valid), f"iteration {iteration} ({arm})", tally
+        )
         collected.append(
             Collected(
                 arm,
@@ -40,7 +42,9 @@ def collect(run: Run, iteration: int, arms: list[Arm], tally: Tally) -> list[Col
                 quarantined=len(plans[arm]) - len(done),
             )
         )
-    _check_enough(run.config, len(on_robot), len(valid_notes(report, on_robot, tally)), "the robot")
+    _check_enough(
+        run.config, len(on_robot), len(valid_notes(report, on_robot, tally)), "the robot", tally
+    )
     return collected
 
 
@@ -53,9 +57,10 @@ def valid_notes(
     return [note for note in done if not note.invalid]
 
 
-def _check_enough(config: RunConfig, wanted: int, valid: int, what: str) -> None:
+def _check_enough(config: RunConfig, wanted: int, valid: int, what: str, tally: Tally) -> None:
     if valid < config.workers.least_episodes * wanted:
         raise RunError(
             f"Only {valid} of {wanted} episodes of {what} could be recorded; at least "
-            f"{config.workers.least_episodes:.0%} are required (workers.least_episodes)."
+            f"{config.workers.least_episodes:.0%} are required (workers.least_episodes). "
+            f"{tally.problems[-1]}"
         )

@@ -16,10 +16,13 @@ from flywheel.cli.robot.steps import advice
 from flywheel.dynamics.plant import Plant, StepError
 from flywheel.dynamics.plant.time_steps import CableDamping
 from flywheel.effects import WrittenTerm
+from flywheel.options import AdaptOptions
 from flywheel.results import RunResult
 from flywheel.robots import ROBOTS, load_robot
+from flywheel.robots.adapt import adapt
 from flywheel.runtime.config.run_config import load_config
 from flywheel.runtime.run.suitability import check_suits
+from tests.unit.robots.lab_files import old_paper
 from tests.unit.runtime.tiny_run import Bench
 
 ROOT = Path(__file__).parents[3]
@@ -300,3 +303,11 @@ def test_explicit_steps_near_their_limit_are_not_advised() -> None:
 def test_steps_of_a_robot_that_is_too_slow_are_not_measured(monkeypatch):
     monkeypatch.setattr(steps, "PATIENCE", 0.0)
     assert steps.measured(Plant(PRISM)) == []
+
+
+def test_a_robot_that_rests_and_diverges_under_commands_cannot_be_used(tmp_path: Path) -> None:
+    struts = adapt(old_paper(tmp_path), AdaptOptions(winches=("*",))).xml  # through each other
+    (tmp_path / "struts.xml").write_text(struts)
+    done = run(app, ["robot", "check", str(tmp_path / "struts.xml")])
+    assert done.exit_code == 1 and "It diverges under random commands. Simulation" in done.output
+    assert "Run it with" not in done.output
