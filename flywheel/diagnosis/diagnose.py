@@ -34,7 +34,7 @@ from flywheel.diagnosis.judgement import (
 from flywheel.diagnosis.results.diagnosis import Diagnosis, TimeSteps
 from flywheel.diagnosis.results.evidence import Evidence
 from flywheel.diagnosis.results.numbers_as_built import AsBuiltNumbers
-from flywheel.diagnosis.results.verdict import beyond, constant, only_noise, other_form, verdict_of
+from flywheel.diagnosis.results.verdict import beyond, only_noise, other_form, verdict_of
 from flywheel.diagnosis.selection.candidates import Candidate, candidates
 from flywheel.diagnosis.selection.misspecification import PROBES
 from flywheel.diagnosis.selection.robot_as_built import known_share
@@ -143,7 +143,7 @@ def _in_two_scales(search: Callable[..., Searched], heartbeat: Heartbeat) -> Sea
         if not (loud and np.isfinite(last.fit.cost)):
             break
         found = model_discrepancy(fitter, last.fit)
-        if max(found, known) <= settings.stands * min(found, known):
+        if max(found, known) <= settings.least * min(found, known):
             break
         heartbeat("no model fits to noise level; repeating with a model discrepancy")
         known = found
@@ -246,7 +246,7 @@ def _concluded(
     built = as_built(search, last.fit, judged.effects)
     unexplained = judged.verdict in UNEXPLAINED
     # Of effects that are the same everywhere and leave only noise, there is no more to look for.
-    nothing = only_noise(limits, facts.after) and constant(limits, facts.after)
+    nothing = only_noise(limits, facts.after) and facts.after.constant
     left = unexplained and (fitter.windows.discrepancy > 0.0 or not nothing)
     suspects: tuple[SuspectParameter, ...] = ()
     if under_test.model is None:

@@ -158,8 +158,7 @@ def with_loud_windows_restarted(searched: Searched, judged: Judged, seed: int) -
     search, last = searched.search, judged.models[-1]
     if judged.verdict not in UNEXPLAINED:
         return judged
-    loud = search.settings.restart_mean_square
-    begun = restarted_where_loud(search.fitter, last.fit, loud, seed)
+    begun = restarted_where_loud(search.fitter, last.fit, seed)
     if begun is last.fit:
         return judged
     fit = search.fit_until(replace(begun, converged=False))

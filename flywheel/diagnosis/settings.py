@@ -114,11 +114,14 @@ class FitStoppingSettings:
     Attributes:
       converged_share, converged_fall: decrease of the cost in a step below which it has converged, relative
         and absolute [sigma^2]: far below the differences between models.
-      wrong: residual/noise ratio above which a model is wrong, and not just badly fitted.
+      wrong: residual/noise ratio above which a model, or a window, is wrong, and not just badly fitted.
       min_relative_gain: fraction of such a model's excess that a round must explain to be followed by
         another.
       rounds: of a fit, at most.
-      max_rounds_to_target: further rounds like the last one after which a fit must have reached its target.
+      max_rounds_to_target: further rounds like the last one after which a fit must have reached its target;
+        all `rounds` for one of a robot as built, whose rounds rarely gain more than the previous one, and
+        of a law of no library: if that is abandoned too early, an effect is named wrongly.
+      slight_fall: decrease of the cost that decides no comparison [sigma^2].
     """
 
     converged_share: float = 0.001
@@ -127,6 +130,7 @@ class FitStoppingSettings:
     min_relative_gain: float = 0.05
     rounds: int = 10
     max_rounds_to_target: float = 2.0
+    slight_fall: float = 5.0
 
 
 @dataclass(frozen=True)
@@ -157,7 +161,8 @@ class MultistartSettings:
       damping: of a step in the search, all of which are tried.
       rounds: of the search.
       rounds_before_elimination: after which only the `finalists` of each window continue.
-      finalists: initial states of each window that continue after the elimination.
+      finalists: initial states of each window that continue after the elimination, and starts of a fit that
+        are fitted for more than a round.
       eased: fraction of a window's excess that must disappear with another state if its state is to blame.
       before, after: rounds of a fit before windows start elsewhere, and after.
       going: fraction of the cost that the last round must remove for a fit to continue: stiff cables make it
@@ -185,30 +190,23 @@ class NuisanceSettings:
 
     Attributes:
       beside: standard deviations from the prior, or from the result, of additional starts of a fit.
-      finalists: starts that are fitted for more than a round.
       far_off: residual/noise ratio above which no other starts are tried: they are not the fault.
       rounds: further ones for every start around the result.
       repeats: largest number of fits started around the result.
-      worth: decrease of the cost required for a repetition [sigma^2].
       shakes: number of fits of a robot as built started around the result.
       shake: standard deviation of these moves, relative to the priors: just enough to move a fit off the
         edges that contacts make in its cost.
       most_by_shaking: largest decrease of the cost by such moves [sigma^2]: 100 to 170 were seen, and a fit
         that is farther from its target is not moved.
-      max_rounds_to_target: further rounds like the last one, within which a fit of a robot as built must
-        have reached its target; a round rarely gains more than the previous one.
     """
 
     beside: tuple[float, ...] = (-1.0, 1.0)
-    finalists: int = 2
     far_off: float = 2.0
     rounds: int = 2
     repeats: int = 4
-    worth: float = 4.0
     shakes: int = 3
     shake: float = 0.1
     most_by_shaking: float = 500.0
-    max_rounds_to_target: float = 10.0
 
 
 @dataclass(frozen=True)
@@ -267,14 +265,13 @@ class ModelDiscrepancySettings:
     """Model discrepancy: the unexplained error as a second scale of error besides noise.
 
     Attributes:
-      least: residual/noise ratio above which a model discrepancy is added: below it, noise dominates.
+      least: residual/noise ratio above which a model discrepancy is added: below it, noise dominates; and
+        ratio of successive estimates above which they are not stable.
       passes: largest number of searches with an estimate of it.
-      stands: largest ratio of successive stable estimates.
     """
 
     least: float = 1.5
     passes: int = 2
-    stands: float = 1.5
 
 
 @dataclass(frozen=True)
@@ -312,16 +309,12 @@ class PairSettings:
     """Two candidates scored together.
 
     Attributes:
-      count: pairs that are fitted.
       more: ratio to the explanation by the best candidate alone, from which a pair is tried.
       among: number of best candidates.
-      singular: condition number of two effects that cannot be distinguished.
     """
 
-    count: int = 1
     more: float = 1.2
     among: int = 25
-    singular: float = 1e6
 
 
 @dataclass(frozen=True)
@@ -354,12 +347,11 @@ class ScreeningSettings:
 
     Attributes:
       sizes: tried ones, in typical sizes.
-      promised: smallest fraction of a fit's residual that a score must promise to skip the screening.
-      explained: smallest fraction of the cost at the first estimates that a candidate must explain.
+      explained: smallest fraction of a fit's residual that a score must promise to skip the screening, and of
+        the cost at the first estimates that a candidate must explain.
     """
 
     sizes: tuple[float, ...] = (-2.0, -1.0, 1.0, 2.0)
-    promised: float = 0.5
     explained: float = 0.5
 
 
@@ -371,16 +363,12 @@ class SelectionSettings:
       shortlist: candidates that are fitted in each forward step.
       share: of the best candidate's LM statistic that one needs to be fitted.
       per_family: places of one effect on the short list.
-      max_forward_steps: of the search.
-      max_effects: in one answer.
+      max_effects: in one answer; a search has twice as many steps.
       least_share: fraction of an answer's residual beyond noise that another effect must promise to explain.
       least_share_of_last: the same for the last allowed effect, without which the answer is incomplete
         anyway.
       by_chance: fraction of a fit's residual beyond noise that other initial states may explain as well.
-      slight_fall: decrease of the cost in a round that decides no comparison [sigma^2].
       max_rounds_to_target_of_last: `FitStoppingSettings.max_rounds_to_target` for the last allowed effect.
-      max_rounds_to_target_of_law: the same for a law of no library: if it is abandoned too early, an effect
-        is named wrongly.
       makes_good: fraction of the additional explanation by a robot as built that one more effect must reach
         in its place.
       usually_off: standard deviations of a number of a robot as built, up to which an effect with the same
@@ -390,28 +378,22 @@ class SelectionSettings:
       as_built_shares: prior scales tried for a robot as built [-]; the most likely one is used.
       rival: fraction of an effect's LM statistic from which another is tried in its place.
       suspect_share: largest deviation of a number of the MJCF.
-      restart_mean_square: of a window, from which its initial state is doubted before a residual is reported
-        [sigma^2].
     """
 
     shortlist: int = 4
     share: float = 0.5
     per_family: int = 2
-    max_forward_steps: int = 6
     max_effects: int = 3
     least_share: float = 0.2
     least_share_of_last: float = 0.4
     by_chance: float = 0.1
-    slight_fall: float = 5.0
     max_rounds_to_target_of_last: float = 1.0
-    max_rounds_to_target_of_law: float = 40.0
     makes_good: float = 0.5
     usually_off: float = 2.0
     unlikely: float = 1e-3
     as_built_shares: tuple[float, ...] = (0.125, 0.25, 0.5, 1.0)
     rival: float = 0.8
     suspect_share: float = 0.25
-    restart_mean_square: float = 1.1
     score: ScoreSettings = ScoreSettings()
     pairs: PairSettings = PairSettings()
     forms: FormSettings = FormSettings()
@@ -481,7 +463,6 @@ class Limits:
       tolerance: RMS model error that you accept; the search stops below it [m]; 0 to accept none.
       sure: standard deviations of the noise's own error, in addition to that.
       correlated: correlation from sample to sample, likewise.
-      inconstant: differences of a size between windows, likewise.
       outstanding: largest excess of one window, in standard deviations of noise.
       other: share of another law in the explanation by it and an answer.
       margin: factor on a model's own errors in a few draws, which are seldom the worst of them.
@@ -497,7 +478,6 @@ class Limits:
     tolerance: float = 0.0
     sure: float = 2.0
     correlated: float = 0.05
-    inconstant: float = 1.0
     outstanding: float = 6.0
     other: float = 0.1
     margin: float = 1.5

@@ -36,6 +36,11 @@ class Adequacy:
     beyond_noise: float
     converged: bool = True
 
+    @property
+    def constant(self) -> bool:
+        """True if fitted sizes are the same everywhere."""
+        return self.inconstancy < 1.0
+
 
 @dataclass(frozen=True)
 class OwnErrors:

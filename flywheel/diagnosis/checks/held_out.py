@@ -117,8 +117,7 @@ class HeldOut:
 
     def _begun_elsewhere(self, fitter: Fitter, fit: Fit) -> Fit:
         """A fit whose windows with large residuals start elsewhere, if that helps."""
-        loud = self._under_test.settings.selection.restart_mean_square
-        begun = restarted_where_loud(fitter, fit, loud, self._under_test.seed)
+        begun = restarted_where_loud(fitter, fit, self._under_test.seed)
         rounds = fitter.settings.multistart.after
         return fit if begun is fit else fitter.fit(begun, rounds=rounds)
 

@@ -14,16 +14,16 @@ def unstuck(fitter: Fitter, fit: Fit, restart: Restart = Restart()) -> Fit:
     return fitter.restarted(fit, restart)
 
 
-def restarted_where_loud(fitter: Fitter, fit: Fit, loud: float, seed: int) -> Fit:
+def restarted_where_loud(fitter: Fitter, fit: Fit, seed: int) -> Fit:
     """A fit in which every window with a residual above noise starts elsewhere, if that helps.
 
     Args:
       fitter: of the windows.
       fit: of the assessed model: a stuck window is not its error.
-      loud: mean square of a window from which it may be stuck [sigma^2].
       seed: of the model under test; other initial states are drawn than before.
     """
-    return restarted_with_care(fitter, fit, Restart(seed + 1, stuck=loud, usual=1.0))
+    restart = Restart(seed + 1, stuck=fitter.settings.stopping.wrong, usual=1.0)
+    return restarted_with_care(fitter, fit, restart)
 
 
 def restarted_with_care(fitter: Fitter, fit: Fit, restart: Restart) -> Fit:

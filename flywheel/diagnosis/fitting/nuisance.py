@@ -163,11 +163,12 @@ def calibrated(fitter: Fitter, fit: Fit, terms: Terms) -> Fit:
     if not terms:
         return fit
     settings, said = fitter.settings.nuisance, (*fit.terms, *terms)
+    finalists = fitter.settings.multistart.finalists
     last = range(len(fit.terms), len(said))
     unknown = [value for value in fitter.free(said) if value.term in last]
     fit = replace(fit, cache=fitter.renewed(fit))
     begun = sorted(_begun_beside(fitter, fit, said, unknown), key=lambda each: each.cost)
-    ended = [fitter.fit(each, unknown, rounds=1) for each in begun[: settings.finalists]]
+    ended = [fitter.fit(each, unknown, rounds=1) for each in begun[:finalists]]
     best = min(ended, key=lambda each: each.cost)
     best = fitter.fit(best, unknown, enough=fitter.worthwhile(best))
     if best.cost > settings.far_off * fitter.freedom:
@@ -194,7 +195,7 @@ def _lowest_nearby(fitter: Fitter, fit: Fit, unknown: Sequence[FreeParameter]) -
         for each in others:
             best = fitter.best_of(best, fitter.with_terms(each, best.terms))
         before, fit = fit, min(fit, fitter.fit(best, unknown), key=lambda each: each.cost)
-        if before.cost - fit.cost < settings.worth:
+        if before.cost - fit.cost < fitter.settings.stopping.slight_fall:
             break
     return fit
 

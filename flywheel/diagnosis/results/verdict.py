@@ -266,11 +266,6 @@ def worth_having(limits: Limits, gain: Gain) -> bool:
     return gain.clear and gain.share >= limits.least_gain
 
 
-def constant(limits: Limits, left: Adequacy) -> bool:
-    """True if fitted sizes are the same everywhere."""
-    return left.inconstancy < limits.inconstant
-
-
 def imitated(limits: Limits, law: Misspecification) -> bool:
     """True if an effect of the answer only imitates a law outside the library.
 
@@ -349,7 +344,7 @@ def _with_effects(facts: Facts) -> Verdict:
     matters = not tolerated(limits, after)
     # An effect of which nobody can say that it is there, although it explains much, is not the effect.
     certain = all(each.shown for each in facts.answer)
-    certain = certain and (constant(limits, after) or not matters)
+    certain = certain and (after.constant or not matters)
     enough = only_noise(limits, after) and not (matters and other_form(limits, law))
     if certain and enough and not (matters and facts.discrepancy):
         return Verdict.AMBIGUOUS if facts.ambiguous else Verdict.EFFECT

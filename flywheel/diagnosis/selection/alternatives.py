@@ -141,7 +141,7 @@ def _in_place(
         other = score.candidate.term(score.sizes, score.shape)
         terms = (*others, alike(other, term, search.fitter.windows.robot))
         begun = search.fitter.with_terms(last, terms)
-        most = search.settings.max_rounds_to_target_of_law if probed(terms) else None
+        most = search.fitter.settings.stopping.rounds if probed(terms) else None
         fit = search.fit_until(begun, limit, most)
         known.append((fit, fit.terms[-1]))
         return fit

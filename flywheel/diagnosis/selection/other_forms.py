@@ -280,5 +280,5 @@ def _rival_per_part(search: Search, score: Score, found: _Form) -> _Form | None:
     other = alike(even, found.term, robot)
     search.heartbeat(f"fitting {other.effect.name} {other.effect.form}")
     begun = fitter.with_terms(fit, (*rest, other))
-    most = search.settings.max_rounds_to_target_of_law
+    most = fitter.settings.stopping.rounds
     return _Form(search.fit_until(begun, search.criterion(fit), most), effect.family)

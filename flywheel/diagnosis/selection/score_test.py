@@ -25,6 +25,7 @@ from flywheel.effects import Term, Terms
 from flywheel.records import Floats
 
 DEAD = 1e-6  # a sensitivity below this many sigmas means that the knob is not connected
+SINGULAR = 1e6  # condition number of two effects that cannot be distinguished
 
 
 @dataclass(frozen=True)
@@ -448,7 +449,8 @@ def further_scores(
 def promising_pairs(
     test: ScoreTest, scores: Sequence[Score], settings: PairSettings = PairSettings()
 ) -> list[Terms]:
-    """Pairs that promise to explain clearly more than the best candidate alone, the best first.
+    """The pair that promises to explain the most; none if that is not clearly more than the best
+    candidate alone.
 
     The second one must add a visible amount.
 
@@ -458,14 +460,14 @@ def promising_pairs(
     """
     gram, right = test.columns.T @ test.columns, test.columns.T @ test.residual
     index = {score.candidate: i for i, score in enumerate(test.scores())}
-    found = []
+    found: list[tuple[float, Terms]] = []
     for pair in combinations(scores[: settings.among], 2):
         columns = [
             np.arange(test.columns.shape[1])[test.slices[index[s.candidate]][s.shape]] for s in pair
         ]
         both = np.concatenate(columns)
         a, b = gram[np.ix_(both, both)], right[both]
-        if np.linalg.cond(a) > settings.singular:
+        if np.linalg.cond(a) > SINGULAR:
             continue
         sizes = np.linalg.solve(a, b)
         parts = np.split(sizes, [len(columns[0])])
@@ -475,9 +477,9 @@ def promising_pairs(
             s.candidate.term(tuple(part), s.shape) for s, part in zip(pair, parts, strict=True)
         )
         found.append((float(b @ sizes), terms))
-    found.sort(key=lambda each: -each[0])
     least = settings.more * scores[0].statistic + test.threshold
-    return [terms for statistic, terms in found[: settings.count] if statistic > least]
+    found.sort(key=lambda each: -each[0])
+    return [terms for explained, terms in found[:1] if explained > least]
 
 
 def _allowed(score: Score, sizes: Floats) -> bool:

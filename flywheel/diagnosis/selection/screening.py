@@ -38,7 +38,7 @@ def screened(
       known: fitted anyway.
       settings: of the diagnosis.
     """
-    promised = max(score.statistic for score in model.scores) > settings.promised * model.left
+    promised = max(score.statistic for score in model.scores) > settings.explained * model.left
     wrong = fitter.starts_are_free and fitter.worthwhile(model.fit) > 0.0
     had = places(model.fit.terms)
     further = [each for each in library if (each.effect.name, each.place) not in had]

@@ -133,7 +133,7 @@ class Search:
             fell = before.cost - fit.cost
             if fell < self.threshold:
                 break
-            if out_of_reach(self.criterion(fit) - target, fell, settings.max_rounds_to_target):
+            if out_of_reach(self.criterion(fit) - target, fell, stopping.rounds):
                 return fit
         if self.criterion(fit) - target > settings.most_by_shaking:
             return fit

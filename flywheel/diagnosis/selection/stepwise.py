@@ -109,7 +109,7 @@ def _forward(
     with suppress(Interrupted):
         if before is None and (changed := _with_other_values(search, begun)):
             models.append(search.score_all(changed))
-        for _ in range(search.settings.max_forward_steps):
+        for _ in range(2 * search.settings.max_effects):
             stepped = partial(_step, search, models)
             further = search.heartbeat.spared(stepped, (search, models, False), "one more effect")
             search, models, goes_on = further
@@ -307,7 +307,7 @@ def _fitted_in_turn(
         search, (favourite, *others) = _in_steps_of_the_first(search, favourite, others)
     first, *others = sorted((favourite, *others), key=search.criterion)
     search, (first, *others) = _in_steps_of_the_first(search, first, others)
-    slight = search.settings.slight_fall
+    slight = search.fitter.settings.stopping.slight_fall
     ended: list[Fit] = []
     for fit in (first, *others):
         target = min(map(search.criterion, ended), default=math.inf)

@@ -13,7 +13,7 @@ from flywheel.diagnosis.fitting.nuisance import calibrated, unsure_terms
 from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.diagnosis.selection.candidates import candidates
 from flywheel.diagnosis.selection.search import Search
-from flywheel.diagnosis.settings import JacobianSettings, NuisanceSettings
+from flywheel.diagnosis.settings import JacobianSettings, MultistartSettings
 from flywheel.dynamics.plant import AugmentedPlant, Plant, PlantParameters
 from flywheel.effects import CALIBRATIONS, EFFECTS, NAMED, Term
 from flywheel.errors import DataError, UnknownNameError
@@ -196,4 +196,4 @@ def test_only_the_best_beginnings_of_a_model_that_lacks_more_are_fitted_on(
 
     monkeypatch.setattr(type(fitter), "fit", counted)
     calibrated(fitter, begun, said)
-    assert rounds.count(1) == 5 + NuisanceSettings().finalists, (seed, rounds)
+    assert rounds.count(1) == 5 + MultistartSettings().finalists, (seed, rounds)
