@@ -22,7 +22,7 @@ def read(path: Path, names: tuple[str, ...]) -> Contents:
     except ImportError:
         raise ConfigError("HDF5 needs h5py: install flywheel[formats].") from None
     found: dict[str, Any] = {}
-    left: list[str] = []
+    notes: list[str] = []
     with path.open("rb") as file:
         matlab = file.read(6) == b"MATLAB"
     try:
@@ -30,18 +30,22 @@ def read(path: Path, names: tuple[str, ...]) -> Contents:
             for name, each in _data_sets(opened).items():
                 plain = each.dtype.names or each.dtype.kind in "biuf"
                 if not plain or each.is_virtual or each.external or "MATLAB_empty" in each.attrs:
-                    left.append(name)
+                    notes.append(f"{name!r} is left out: it has no numbers of its own")
                     continue
                 check_size(each.size or 0, name)
                 check_size(sum(a.size for a in found.values()), "the file")
-                found |= _columns(name.replace("/", ".") if matlab else name, each, matlab)
+                called = name.replace("/", ".") if matlab else name
+                found |= _columns(called, each, matlab)
+                if each.scaleoffset is not None and each.dtype.kind == "f":
+                    notes.append(
+                        f"{called!r} was saved with scaleoffset, which makes numbers of NaN: the "
+                        "smallest of its chunk"
+                    )
     except DataError:
         raise
     except Exception as error:  # h5py raises whatever a damaged file leads to
         raise DataError(f"it is damaged: {str(error).splitlines()[:1]}.") from None
-    return streams(
-        found, tuple(f"{name!r} is left out: it has no numbers of its own" for name in left)
-    )
+    return streams(found, tuple(notes))
 
 
 def _columns(name: str, each: Any, turned: bool) -> dict[str, Any]:

@@ -246,3 +246,17 @@ def test_a_bag_without_definitions_is_read_message_by_message(
     np.testing.assert_array_equal(found["/x.data"], [0, 1, 2])
     np.testing.assert_array_equal(found["/range.range"], [1.5, 2.5, 3.5])
     assert [note.split(":")[0] for note in read.notes] == ["messages of /other are left out"]
+
+
+def test_numbers_that_may_have_been_nan_are_told(tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    heights = np.array([2.0, 1.5, np.nan, 3.0])
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        for name, filters in (("plain", {}), ("rounded", {"scaleoffset": 3})):
+            file.create_dataset(name, data=heights, chunks=(4,), **filters)
+        file.create_dataset("counts", data=np.arange(4), chunks=(4,), scaleoffset=0)
+    read = open_log(tmp_path / "a.h5")
+    assert [note.split(" was saved with ")[0] for note in read.notes] == ["'rounded'"]
+    (stream,) = read.streams
+    np.testing.assert_array_equal(stream.columns["plain"], heights)
+    np.testing.assert_allclose(stream.columns["rounded"], [2.0, 1.5, 1.5, 3.0])
