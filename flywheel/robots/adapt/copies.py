@@ -25,7 +25,11 @@ SAME = 1e-9  # of a number that was computed in another order
 
 
 def copies(draft: Draft) -> Iterator[Change]:
-    """The elements that <replicate> copies, and what refers to them, each in the file."""
+    """The elements that <replicate> copies, and what refers to them, each in the file.
+
+    Raises:
+      RobotError: MuJoCo refuses the MJCF, or makes other copies.
+    """
     edits = [
         f"the {each.get('count', '1')} copies of <replicate>"
         for each in draft.root.iter("replicate")
@@ -35,11 +39,10 @@ def copies(draft: Draft) -> Iterator[Change]:
     for section, sensor in doubled_sensors(draft.root):
         section.remove(sensor)
         edits.append(f"no <{sensor.tag}>, which MuJoCo doubles with each copy")
-    before = _model(draft)
+    before = _model(draft)  # with copies within bodies only, or there would be no end
     while (replicate := _next(draft)) is not None:
         _write_out(draft, replicate)
-    after = _model(draft)
-    if before is None or after is None or not _same(before, after):
+    if not _same(before, _model(draft)):
         raise RobotError(
             "Copies (<replicate>) are not in the file to be changed, and cannot be written out as MuJoCo "
             "makes them: write them out."
@@ -53,12 +56,13 @@ def _next(draft: Draft) -> Element | None:
     return next((each for each in every if each.find(".//replicate") is None), None)
 
 
-def _model(draft: Draft) -> mujoco.MjModel | None:
-    """MuJoCo's model of a draft without its keyframes; None if it is refused."""
-    try:
-        return compiled(without_keyframes(draft.xml))[2]
-    except RobotError:
-        return None
+def _model(draft: Draft) -> mujoco.MjModel:
+    """MuJoCo's model of a draft without its keyframes.
+
+    Raises:
+      MjcfError: MuJoCo refuses it.
+    """
+    return compiled(without_keyframes(draft.xml))[2]
 
 
 def _write_out(draft: Draft, replicate: Element) -> None:

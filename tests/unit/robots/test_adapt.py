@@ -110,6 +110,12 @@ def test_copies_are_written_out_as_mujoco_makes_them(tmp_path):
     assert edits[-1] == "no <clock>, which MuJoCo doubles with each copy"
 
 
+def test_copies_of_what_mujoco_refuses_are_refused_for_its_reason(tmp_path):
+    path = lab_files.weights_in_a_row(tmp_path)
+    path.write_text(path.read_text().replace('kp="90"', 'kp="90" replicas="2"'))
+    assert "unrecognized attribute: 'replicas'" in adapt(path).left[0]
+
+
 def test_sensors_that_mujoco_doubles_with_each_copy_are_refused_before_they_fill_the_memory():
     many = '<replicate count="2" offset="1 0 0"><site name="s"/></replicate>'
     with pytest.raises(MjcfError, match=r"sensor of nothing beside <replicate> \(<e_kinetic>\)"):
