@@ -1,17 +1,20 @@
-"""Two checkouts in turns: how fast the network trains and plans with each, on one thread.
+"""Two checkouts in turns: how fast the network trains and plans with each, and trains on two cores.
 
     python -m benchmarks.speed.training BEFORE AFTER --rounds 3 --precision bfloat16
 
 Prints, for each checkout, windows of 16 prediction chunks that a training step takes per CPU second
 (loss and gradient; the default network of prism3), and CPU seconds of a plan of 200 candidates over 2 s
 with the network: the best of all rounds. A checkout that knows no other precision computes in float32.
+Then windows per second of wall time that whole trainings take, with one process and with two.
 The machine should have nothing else to do.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import inspect
+import itertools
 import json
 import os
 import subprocess
@@ -22,9 +25,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-CHUNKS, BATCHES = 16, (32, 64, 128)
+CHUNKS, BATCHES, TRAINED = 16, (32, 64, 128), (64, 128)
 CANDIDATES, SECONDS = 200, 2.0
 CALLS = 5  # of which the fastest counts
+STARTING, STEPPING = 10.0, 5.0  # seconds of a training before its steps count, and of those that do
 
 
 def measured_here(precision: str) -> dict[str, float]:
@@ -78,7 +82,76 @@ def measured_here(precision: str) -> dict[str, float]:
     start = Past(seen, controls[:1, :past], winch[:1, : past + 1])
     candidates = rng.uniform(low, high, (CANDIDATES, ahead, len(robot.winches)))
     found["plan [CPU s]"] = fastest(lambda: model.rollout(start, candidates))
+    return found | trained_here(robot, config, points, controls, winch, how)
+
+
+def trained_here(
+    robot: Any, network: Any, points: Any, controls: Any, winch: Any, how: dict[str, Any]
+) -> dict[str, float]:
+    """Windows per second of wall time by batch and processes; none of a checkout that knows no processes.
+
+    Args:
+      robot, network: of the trainings.
+      points, controls, winch: of motions of one window each.
+      how: its precision.
+    """
+    import numpy as np
+
+    from flywheel.data import WindowCache
+    from flywheel.training import Schedule, Stage, Trainer, TrainingConfig
+
+    if "processes" not in TrainingConfig.model_fields:
+        return {}
+    count, steps = controls.shape[:2]
+    controls = np.concatenate([controls, controls[:, :1]], axis=1)
+    seen, told, wound = (
+        each.reshape(-1, *each.shape[2:]).astype(np.float32) for each in (points, controls, winch)
+    )
+    whole, flat = np.ones(seen.shape[:2], bool), (None,) * count
+    lengths, dataset = np.full(count, steps), np.zeros(count, int)
+    rows = (seen, seen, wound, wound, told, whole, lengths, dataset, flat, ("nominal",))
+    train, held_out = (WindowCache(*rows, split, "0" * 64) for split in ("train", "validation"))
+    schedule = Schedule(
+        steps=10_000,
+        stages=(Stage(chunks=CHUNKS, share=1.0),),
+        learning_rate=1e-3,
+        warmup_steps=100,
+    )
+    found = {}
+    for windows in (*TRAINED, 2 * TRAINED[-1]):
+        for processes in (1, 2) if windows in TRAINED else (2,):
+            config = TrainingConfig(
+                initial=schedule,
+                least_windows=windows,
+                report_every=1,
+                validation_seconds=0.1,
+                processes=processes,
+                **how,
+            )
+            with TemporaryDirectory() as folder:
+                trainer = Trainer(config, network, robot, train, held_out, Path(folder))
+                found[wall(windows, processes)] = windows / least_step(trainer)
     return found
+
+
+def wall(windows: int, processes: int) -> str:
+    """Name of a training's measurement."""
+    return f"windows/s of wall time, {windows} a step, {processes} process{'es' * (processes > 1)}"
+
+
+def least_step(trainer: Any) -> float:
+    """Least seconds of a training's steps, once its processes have started."""
+    ends = [time.perf_counter()]
+
+    def note(progress: object) -> None:
+        ends.append(time.perf_counter())
+        if ends[-1] - ends[0] > STARTING + STEPPING:
+            raise KeyboardInterrupt
+
+    with contextlib.suppress(KeyboardInterrupt):
+        trainer.run(note)
+    counting = [end for end in ends if end - ends[0] > STARTING]
+    return min(after - before for before, after in itertools.pairwise(counting))
 
 
 def fastest(call: Callable[[], object]) -> float:
@@ -118,10 +191,20 @@ def main() -> None:
             both = (given.before.resolve(), given.after.resolve())
             rounds.append([of_checkout(root, Path(folder), given.precision) for root in both])
     for name in rounds[0][0]:
-        best = max if name.startswith("windows") else min
-        before, after = (best(each[i][name] for each in rounds) for i in (0, 1))
-        ratio = after / before if name.startswith("windows") else before / after
-        print(f"{name}: before {before:.3g}, after {after:.3g}, {ratio:.2f} times as fast")
+        if name in rounds[0][1]:
+            best = max if name.startswith("windows") else min
+            before, after = (best(each[i][name] for each in rounds) for i in (0, 1))
+            ratio = after / before if name.startswith("windows") else before / after
+            print(f"{name}: before {before:.3g}, after {after:.3g}, {ratio:.2f} times as fast")
+    for windows in TRAINED if wall(TRAINED[0], 1) in rounds[0][1] else ():
+        one, shared, each = (
+            max(found[1].get(name, 0.0) for found in rounds)
+            for name in (wall(windows, 1), wall(windows, 2), wall(2 * windows, 2))
+        )
+        print(
+            f"{windows} windows a step, after: two processes {shared / one:.2f} times as fast as one, "
+            f"with {windows} each {each / one:.2f} times"
+        )
 
 
 if __name__ == "__main__":

@@ -158,7 +158,7 @@ def _pool(
             trainers,
             workers.trainer_cpus,
             workers.trainer_gpus,
-            config.training.threads,
+            config.training.processes,
         ),
     ]
     if config.robot is not None:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import functools
 import itertools
-from concurrent.futures import Executor
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import torch
@@ -16,6 +17,7 @@ from flywheel.records import RECORDING
 from flywheel.robots import symmetries_of
 from flywheel.training.batches import Draw, generator, noisy, relabelled, to_batch, turned
 from flywheel.training.config import Schedule, TrainingConfig
+from flywheel.training.helper import Helper
 from flywheel.training.loss import Losses, LossScales, Truth, residual_scales, window_loss
 from flywheel.training.schedules import stage_at
 
@@ -51,26 +53,38 @@ class Objective:
         self._symmetries = symmetries_of(simulator.robot) if config.symmetries else None
         self._scales = self._measured_scales().to(config.device)
 
-    def backward(self, network: ChunkNetwork, step: int, pool: Executor | None = None) -> Losses:
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_cache": None, "_draws": {}}  # a helper is sent its windows
+
+    def helpers(self, network: ChunkNetwork) -> list[Helper]:
+        """One for each part of a batch but the last. A GPU has none: it would do the work of all."""
+        count = self._config.processes - 1 if self._config.device == "cpu" else 0
+        return [Helper(self.part, network, self.batch(0)[:1], 1.0) for _ in range(count)]
+
+    def backward(self, network: ChunkNetwork, step: int, helpers: Sequence[Helper] = ()) -> Losses:
         """Losses of one optimiser step's batch; their gradient is left in the weights' `grad`.
 
-        The batch is cut into `threads` parts, which `pool` computes at the same time. Their sum is
-        taken in a fixed order, independent of their completion.
+        The batch is cut into `processes` parts. Their sum is taken in a fixed order, whoever computes
+        them: `helpers` the first ones, at the same time as this process the others.
         """
         batch = self.batch(step)
-        weights = [w for w in network.parameters() if w.requires_grad]
-
-        def part(rows: slice) -> tuple[Losses, tuple[Tensor | None, ...]]:
-            piece = batch[rows]
-            losses = self.loss(network, piece).times(len(piece.points) / len(batch.points))
-            return losses.detached(), torch.autograd.grad(losses.total, weights, allow_unused=True)
-
-        rows = _cut(len(batch.points), self._config.threads)
-        parts = list((pool.map if pool else map)(part, rows))
-        for weight, *pieces in zip(weights, *(gradients for _, gradients in parts), strict=True):
-            present = [piece for piece in pieces if piece is not None]
+        pieces = [batch[rows] for rows in _cut(len(batch.points), self._config.processes)]
+        work = [(piece, len(piece.points) / len(batch.points)) for piece in pieces]
+        begun = [each.begin(network, *some) for each, some in zip(helpers, work, strict=False)]
+        own = [self.part(network, *some) for some in work[len(begun) :]]
+        parts = [*(result() for result in begun), *own]
+        for weight, *gradients in zip(_weights(network), *(part[1] for part in parts), strict=True):
+            present = [gradient for gradient in gradients if gradient is not None]
             weight.grad = functools.reduce(torch.add, present) if present else None
         return functools.reduce(Losses.__add__, (losses for losses, _ in parts))
+
+    def part(
+        self, network: ChunkNetwork, batch: Batch, share: float
+    ) -> tuple[Losses, tuple[Tensor | None, ...]]:
+        """Losses of a part of a batch, times its share, and their gradient by the trained weights."""
+        losses = self.loss(network, batch).times(share)
+        gradient = torch.autograd.grad(losses.total, _weights(network), allow_unused=True)
+        return losses.detached(), gradient
 
     def loss(self, network: ChunkNetwork, batch: Batch) -> Losses:
         """Losses of a batch, averaged over its windows."""
@@ -126,6 +140,10 @@ class Objective:
             torch.cat([batch.past_winch[:, -1:], batch.winch], dim=1),
             self._simulator.dt,
         )
+
+
+def _weights(network: ChunkNetwork) -> list[Tensor]:
+    return [weight for weight in network.parameters() if weight.requires_grad]
 
 
 def _cut(length: int, parts: int) -> list[slice]:

@@ -7,7 +7,8 @@ import hashlib
 import json
 import math
 import time
-from concurrent.futures import Executor, ThreadPoolExecutor
+from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -27,6 +28,7 @@ from flywheel.dynamics.gnn import (
     weights_digest,
     widen_winches,
 )
+from flywheel.dynamics.gnn.learned import one_thread_per_operation
 from flywheel.errors import ConfigError, ModelError
 from flywheel.robots import Robot
 from flywheel.training.checkpoint import (
@@ -37,6 +39,7 @@ from flywheel.training.checkpoint import (
     write_checkpoint,
 )
 from flywheel.training.config import TrainingConfig
+from flywheel.training.helper import Helper
 from flywheel.training.loss import Losses
 from flywheel.training.objective import Objective
 from flywheel.training.optimiser import NetworkOptimiser
@@ -78,7 +81,7 @@ class Trainer:
     """Trains one network on one data set, in one folder.
 
     `run` may be killed at any instant and called again: it continues from the folder's checkpoint
-    and, on the CPU with the same number of threads, ends with the same weights bit by bit.
+    and, on the CPU with the same number of processes, ends with the same weights bit by bit.
 
     Args:
       config: recipe and budget.
@@ -95,6 +98,7 @@ class Trainer:
         no such device.
     """
 
+    @one_thread_per_operation()
     def __init__(
         self,
         config: TrainingConfig,
@@ -125,6 +129,7 @@ class Trainer:
         )
         self._key = self._fingerprint(validation)
 
+    @one_thread_per_operation()
     def run(self, on_progress: OnProgress | None = None) -> TrainingResult:
         """Train, or continue training, to the end of the budget.
 
@@ -135,22 +140,21 @@ class Trainer:
           ModelError: the loss, its gradient or a weight is not finite; the message names the step,
             and the last checkpoint is kept.
           ConfigError, DataError: the folder's checkpoint cannot be continued.
+          RunError: a process for a part of the batches cannot start.
         """
-        threads = torch.get_num_threads()
-        torch.set_num_threads(1)
-        try:
-            with ThreadPoolExecutor(self._config.threads) as pool:
-                return self._run(on_progress or (lambda progress: None), pool)
-        finally:
-            torch.set_num_threads(threads)
+        with ExitStack() as stack:
+            state = self._start()
+            helpers = [stack.enter_context(each) for each in self._objective.helpers(state.network)]
+            return self._run(state, helpers, on_progress or (lambda progress: None))
 
-    def _run(self, on_progress: OnProgress, pool: Executor) -> TrainingResult:
+    def _run(
+        self, state: _State, helpers: Sequence[Helper], on_progress: OnProgress
+    ) -> TrainingResult:
         config, steps = self._config, self._schedule.steps
-        state = self._start()
         kept_at = {span.stop for span in spans(self._schedule)}
         began, first = time.perf_counter(), state.step
         while state.step < steps and not self._stale(state):
-            losses = self._train_step(state, pool)
+            losses = self._train_step(state, helpers)
             last = state.step == steps
             if last or state.step % config.validate_every == 0:
                 self._validate(state, self._point(state, losses))
@@ -195,10 +199,10 @@ class Trainer:
         fit_normalisation(self._simulator, network, [self._objective.measured()])
         return network
 
-    def _train_step(self, state: _State, pool: Executor) -> Losses:
+    def _train_step(self, state: _State, helpers: Sequence[Helper]) -> Losses:
         rate = learning_rate(self._schedule, state.step)
         state.network.train()
-        losses = self._objective.backward(state.network, state.step, pool)
+        losses = self._objective.backward(state.network, state.step, helpers)
         norm = torch.nn.utils.clip_grad_norm_(state.network.parameters(), self._config.clip)
         state.step += 1
         if not (math.isfinite(losses.total.item()) and math.isfinite(norm.item())):

@@ -36,7 +36,7 @@ class Group:
       count: number of workers.
       cpus: booked by each worker from the cluster; 0 if groups take turns on the same cores.
       gpus: booked by each worker.
-      threads: of each worker; a running job takes as many of the pool's cores.
+      threads: of each worker and its helpers; a running job takes as many of the pool's cores.
     """
 
     name: str
@@ -88,7 +88,7 @@ class Answer:
 
     Attributes:
       value: return value of the job's method.
-      cpu_seconds: used by the worker's process for it, in all threads [s].
+      cpu_seconds: used by the worker and its helpers for it, in all threads [s].
     """
 
     value: Any = None

@@ -70,7 +70,7 @@ def test_who_computes_does_not_change_the_digest(change):
 
 @pytest.mark.parametrize(
     "change",
-    [{"seed": 1}, {"sim_threads": 2}, {"training": {"threads": 5}}, {"mppi": {"samples": 7}}],
+    [{"seed": 1}, {"sim_threads": 2}, {"training": {"processes": 5}}, {"mppi": {"samples": 7}}],
 )
 def test_whatever_changes_a_number_changes_the_digest(change):
     assert config_digest(RunConfig.model_validate(change)) != config_digest(RunConfig())

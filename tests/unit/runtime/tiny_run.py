@@ -29,7 +29,6 @@ TINY = {
     "mppi": {"samples": 4, "horizon_seconds": 0.5, "elites": 1},
     "network": {"width": 8, "rounds": 1, "warmup_chunks": 1},
     "training": {
-        "threads": 1,
         "initial": {
             "steps": 4,
             "stages": [{"chunks": 1, "share": 1}],

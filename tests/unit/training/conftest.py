@@ -40,7 +40,7 @@ def network_config() -> NetworkConfig:
 
 @pytest.fixture
 def make_config():
-    """A recipe for tests: two short stages, one thread."""
+    """A recipe for tests: two short stages."""
 
     def make(steps: int = 12, **changes) -> TrainingConfig:
         stages = (Stage(chunks=1, share=0.5), Stage(chunks=2, share=0.5))
@@ -55,7 +55,6 @@ def make_config():
             "validation_seconds": 0.2,
             "checkpoint_every": 3,
             "report_every": 1,
-            "threads": 1,
         }
         return TrainingConfig(**(settings | changes))
 

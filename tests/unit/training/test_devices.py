@@ -1,7 +1,5 @@
 """Training on another device than the processor: the same numbers, and no tensor is left behind."""
 
-from contextlib import nullcontext
-
 import numpy as np
 import pytest
 
@@ -20,9 +18,6 @@ def test_a_training_on_another_device_ends_with_the_weights_of_the_processors(
     monkeypatch.setattr(
         trainer, "write_checkpoint", lambda *_: None
     )  # torch stores real tensors only
-    monkeypatch.setattr(
-        trainer, "ThreadPoolExecutor", lambda threads: nullcontext()
-    )  # one knows it
     with OtherDevice():
         elsewhere = config.model_copy(update={"device": OTHER})
         there = Trainer(elsewhere, *parts, tmp_path / "there").run()

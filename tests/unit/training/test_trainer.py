@@ -253,10 +253,14 @@ def test_progress_tells_step_rate_losses_and_validation(trainer, make_config):
     assert seen[-1].best_error == min(p.point.error for p in seen[4:])
 
 
-def test_the_number_of_threads_is_put_back(trainer, make_config):
-    before = torch.get_num_threads()
-    trainer(config=make_config(steps=2, threads=2)).run()
-    assert torch.get_num_threads() == before
+def test_the_number_of_threads_is_put_back_and_changes_no_bit(trainer, make_config):
+    before, digests = torch.get_num_threads(), set()
+    for threads in (2, 1):
+        torch.set_num_threads(threads)
+        digests.add(trainer(f"{threads}", make_config(steps=2, processes=2)).run().digest)
+        assert torch.get_num_threads() == threads
+    torch.set_num_threads(before)
+    assert len(digests) == 1
 
 
 def test_a_validation_rollout_that_flies_off_is_never_the_best(
@@ -318,7 +322,7 @@ def test_a_training_process_killed_at_a_random_instant_can_be_resumed(
 ):
     seed = draws.seed()
     rng = np.random.default_rng(seed)
-    config = make_config(steps=30, checkpoint_every=1)
+    config = make_config(steps=30, checkpoint_every=1, processes=2)
     whole = trainer("whole", config).run()
     folder = tmp_path / "killed"
     folder.mkdir()
