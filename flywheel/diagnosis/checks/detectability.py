@@ -11,8 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
-from flywheel.diagnosis.selection.score_test import DEAD, Score, ScoredModel, ScoreTest, secants
+from flywheel.diagnosis.fitting.least_squares import Fitter
+from flywheel.diagnosis.selection.score_test import DEAD, Score, ScoredModel, secants, slices_of
 from flywheel.diagnosis.settings import CheckSettings
 from flywheel.records import Floats
 
@@ -28,24 +28,21 @@ def detectable(
     """The scores of a model, with the smallest sizes that are visible around other initial states, too."""
     test, fit = model.test, model.fit
     local = fit.local + settings.shift * _deviation(fitter, model, rng)
-    there = _sensitivities(fitter, fitter.with_local(fit, local), test)
-    found = []
-    for score in model.scores:
-        own = test.slices[test.candidates.index(score.candidate)][score.shape]
-        share = common_share(test.columns[:, own], there[:, own])
-        found.append(replace(score, smallest=float(score.smallest / np.sqrt(share))))
-    return tuple(found)
-
-
-def _sensitivities(fitter: Fitter, fit: Fit, test: ScoreTest) -> Floats:
-    """(N, n) sensitivities like those of a test, around another fit."""
-    found = test.projection(secants(fitter, fit, test.candidates))
-    for candidate, slices in zip(test.candidates, test.slices, strict=True):
-        own = slice(slices[0].start, slices[-1].stop)
-        if test.shorter[own].any():
-            share = test.projection(secants(fitter, fit, [candidate], test.part))
-            found[:, own] = np.where(test.shorter[own], share, found[:, own])
-    return found
+    there = fitter.with_local(fit, local)
+    own = [test.slices[test.candidates.index(s.candidate)][s.shape] for s in model.scores]
+    shorter = np.array([test.shorter[columns].all() for columns in own])
+    smallest = np.array([score.smallest for score in model.scores])
+    for part, chosen in ((1.0, np.flatnonzero(~shorter)), (test.part, np.flatnonzero(shorter))):
+        scores = [model.scores[i] for i in chosen]
+        shaped = [replace(s.candidate, shapes=(s.candidate.shapes[s.shape],)) for s in scores]
+        columns = test.projection(secants(fitter, there, shaped, part))
+        for i, (other,) in zip(chosen, slices_of(shaped), strict=True):
+            share = common_share(test.columns[:, own[i]], columns[:, other])
+            smallest[i] /= np.sqrt(share)
+    return tuple(
+        replace(score, smallest=float(size))
+        for score, size in zip(model.scores, smallest, strict=True)
+    )
 
 
 def _deviation(fitter: Fitter, model: ScoredModel, rng: np.random.Generator) -> Floats:

@@ -99,7 +99,9 @@ class HeldOut:
         )
         if under_test.model is None:
             fitter, fit = found
-            self._plant = found = fitter, self._begun_elsewhere(fitter, fit)
+            if not fitter.worthwhile(fit):  # of a clearly wrong model, other starts were tried
+                fit = self._begun_elsewhere(fitter, fit)
+            self._plant = found = fitter, fit
         return found
 
     def _with(self, fitter: Fitter, before: Fit, terms: Terms) -> tuple[Fitter, Fit]:

@@ -260,24 +260,51 @@ class PlantFitter(Fitter):
         matrix, right = self.normal_equations(local, by_local, left, damping)
         return np.linalg.solve(matrix, right[..., None])[..., 0]
 
+    def _stepped_alone(
+        self, fit: Fit, members: np.ndarray, local: Floats, step: float
+    ) -> tuple[Floats, Floats, Floats]:
+        """A step of windows `members` (n,) from (n, X), each alone, with the best damping.
+
+        Returns:
+          Local parameters after it (n, X), and the cost (n,) before and after it.
+        """
+        states = self.simulator.moved(self.first[members], local)
+        points = self.simulator.parallel(states, fit.carried, fit.terms, members)
+        by_local = self.differences.rough_by_local(fit, members, local, step)
+        left = np.nan_to_num(self.windows.residual_of(members, points))
+        dampings = self.settings.multistart.damping
+        steps = np.stack([self._steps(local, by_local, left, d) for d in dampings])
+        tried = np.concatenate([np.zeros_like(local)[None], steps]) + local
+        rows = np.tile(members, len(steps))
+        cost = self.costs(fit.carried, fit.terms, rows, tried[1:].reshape(-1, local.shape[1]))
+        here = self._cost(points, members, local)
+        cost = np.concatenate([here[None], cost.reshape(len(steps), -1)])
+        best, each = cost.argmin(axis=0), np.arange(len(members))
+        return tried[best, each], here, cost[best, each]
+
     def searched(self, fit: Fit, members: np.ndarray, local: Floats) -> Fit:
-        """Windows from other initial states: each of `members` (n,) from (n, X), kept if it ends lower."""
+        """Windows from other initial states: each of `members` (n,) from (n, X), kept if it ends lower.
+
+        After the elimination, each goes on as long as it may still become the lowest of its window.
+        """
         settings, rough = self.settings.multistart, self.settings.jacobian.rough_steps
-        for number, step in enumerate(islice(cycle(rough), settings.rounds)):
-            states = self.simulator.moved(self.first[members], local)
-            points = self.simulator.parallel(states, fit.carried, fit.terms, members)
-            by_local = self.differences.rough_by_local(fit, members, local, step)
-            left = np.nan_to_num(self.windows.residual_of(members, points))
-            steps = np.stack([self._steps(local, by_local, left, d) for d in settings.damping])
-            tried = np.concatenate([np.zeros_like(local)[None], steps]) + local
-            rows = np.tile(members, len(tried))
-            cost = self.costs(fit.carried, fit.terms, rows, tried.reshape(-1, local.shape[1]))
-            cost = cost.reshape(len(tried), -1)
-            local = tried[cost.argmin(axis=0), np.arange(len(members))]
-            if number + 1 == settings.rounds_before_elimination:
-                through = _best_of_each(members, cost.min(axis=0), settings.finalists)
-                members, local = members[through], local[through]
-        cost = self.costs(fit.carried, fit.terms, members, local)
+        local, cost, on = local.copy(), np.zeros(len(members)), np.ones(len(members), bool)
+        for number, step in enumerate(islice(cycle(rough), settings.rounds), 1):
+            before = cost.copy()
+            local[on], before[on], cost[on] = self._stepped_alone(fit, members[on], local[on], step)
+            if number < settings.rounds_before_elimination:
+                continue
+            if number == settings.rounds_before_elimination:
+                kept = _best_of_each(members, cost, settings.finalists)
+                members, local, on = members[kept], local[kept], on[kept]
+                before, cost = before[kept], cost[kept]
+            least = np.array([cost[members == one].min() for one in members])
+            with np.errstate(invalid="ignore"):  # both infinite
+                fell, missing = before - cost, cost - least
+            on &= fell > self.settings.stopping.converged_fall
+            on &= missing <= (settings.rounds - number) * fell
+            if not on.any():
+                break
         own = self.costs(fit.carried, fit.terms, np.arange(len(fit.local)), fit.local)
         found = fit.local.copy()
         for k, value, candidate in zip(members, cost, local, strict=True):

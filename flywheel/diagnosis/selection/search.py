@@ -129,7 +129,7 @@ class Search:
             return fit
         settings, stopping = self.fitter.settings.nuisance, self.fitter.settings.stopping
         for _ in range(stopping.rounds):
-            before, fit = fit, self._after_a_round_anew(fit)
+            before, fit = fit, self._after_rounds_anew(fit)
             fell = before.cost - fit.cost
             if fell < self.threshold:
                 break
@@ -141,13 +141,14 @@ class Search:
         for _ in range(settings.shakes):
             terms = self.within_bounds(shaken_terms(fit.terms, settings.shake, rng))
             begun = self.fitter.with_terms(fit, terms).outdated(np.ones(len(fit.local), bool))
-            found = self._after_a_round_anew(self._after_a_round_anew(begun))
+            found = self._after_rounds_anew(begun, rounds=2)
             fit = min(fit, found, key=lambda each: each.cost)
         return fit
 
-    def _after_a_round_anew(self, fit: Fit) -> Fit:
-        """A fit after another round, with all sensitivities recomputed."""
-        return self.fitter.fit(self.fitter.kept_anew(fit), self.fitter.free(fit.terms), rounds=1)
+    def _after_rounds_anew(self, fit: Fit, rounds: int = 1) -> Fit:
+        """A fit after further rounds, with all sensitivities recomputed before them."""
+        free = self.fitter.free(fit.terms)
+        return self.fitter.fit(self.fitter.kept_anew(fit), free, rounds=rounds)
 
     def warm_start(self, model: ScoredModel, terms: Terms) -> Fit:
         """A model with other terms, before anything else is fitted to them.

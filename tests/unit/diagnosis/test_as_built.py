@@ -190,10 +190,10 @@ def test_a_fit_that_is_stuck_goes_on_from_beside_itself(begun, monkeypatch):
     weak = Term(EFFECTS["weak_cable"], 1, (0.6,))
     stuck = search.fitter.with_terms(model.fit, (*model.fit.terms, weak))
 
-    def after_a_round(_: Search, fit: Fit) -> Fit:
+    def after_rounds(_: Search, fit: Fit, **__: int) -> Fit:
         return fit if fit.terms == stuck.terms else replace(fit, cost=stuck.cost - 9.0)
 
-    monkeypatch.setattr(Search, "_after_a_round_anew", after_a_round)
+    monkeypatch.setattr(Search, "_after_rounds_anew", after_rounds)
     found = search.settled(stuck)
     assert found.cost == stuck.cost - 9.0
     assert asked(found.terms) == (weak,)
@@ -278,7 +278,7 @@ def test_beside_another_effect_one_that_is_a_number_within_what_is_usual_is_none
 
 @pytest.mark.parametrize(
     ("missing", "fall", "rounds"),
-    [(9.0, 0.0, 1 + 3 * 2), (501.0, 0.0, 1), (2100.0, 200.0, 2), (2500.0, 200.0, 1)],
+    [(9.0, 0.0, 1 + 3), (501.0, 0.0, 1), (2100.0, 200.0, 2), (2500.0, 200.0, 1)],
 )
 def test_a_fit_that_clearly_stays_above_its_target_is_left_where_it_is(
     begun: tuple[Search, ScoredModel], monkeypatch, missing: float, fall: float, rounds: int
@@ -287,12 +287,12 @@ def test_a_fit_that_clearly_stays_above_its_target_is_left_where_it_is(
     search, model = begun
     falls = iter([fall])
 
-    def after_a_round(_: Search, fit: Fit) -> Fit:
+    def after_rounds(_: Search, fit: Fit, **__: int) -> Fit:
         done.append(fit)
         return replace(fit, cost=fit.cost - next(falls, 0.0))
 
     done: list[Fit] = []
-    monkeypatch.setattr(Search, "_after_a_round_anew", after_a_round)
+    monkeypatch.setattr(Search, "_after_rounds_anew", after_rounds)
     search.settled(model.fit, search.criterion(model.fit) - missing)
     assert len(done) == rounds
 

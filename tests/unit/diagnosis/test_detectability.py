@@ -16,7 +16,7 @@ from tests import draws
 
 pytestmark = pytest.mark.slow
 
-NAMES = ("winch_gain", "slope", "contact_softness", "payload")
+NAMES = ("winch_gain", "slope", "contact_softness", "payload", "creep")  # which has shapes
 
 
 @pytest.fixture(scope="module")

@@ -10,10 +10,11 @@ import pytest
 from flywheel.diagnosis import diagnose
 from flywheel.diagnosis.checks import held_out
 from flywheel.diagnosis.checks.held_out import HeldOut
+from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
 from flywheel.diagnosis.fitting.model import ModelUnderTest
 from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.dynamics.plant import Plant
-from flywheel.effects import NAMED, Term
+from flywheel.effects import NAMED, Term, Terms
 from flywheel.errors import DataError
 from flywheel.records import Trajectory
 from flywheel.robots import Robot
@@ -66,6 +67,26 @@ def test_a_window_that_is_stuck_begins_elsewhere_before_it_is_judged(robot, seed
 
     monkeypatch.setattr(held_out, "fitted_and_refined", stuck)
     assert augmented() == pytest.approx(right, rel=0.05), seed
+
+
+def test_a_model_that_is_clearly_wrong_begins_elsewhere_once(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As its first fit asks for. One that may be right does so wherever a window is loud."""
+    gain = Term(NAMED["winch_gain"], None, (0.3,))
+    begun: list[Terms] = []
+
+    def elsewhere(fitter: Fitter, fit: Fit, seed: int) -> Fit:
+        begun.append(fit.terms)
+        return fit
+
+    monkeypatch.setattr(held_out, "restarted_where_loud", elsewhere)
+    for hidden, expected in (((gain,), [(gain,)]), ((), [()])):
+        log = recorded(robot, hidden, 2)
+        windows = Windows.cut(robot, [log], seconds=0.4)
+        HeldOut(ModelUnderTest(Plant(robot), None, 0), [log], windows).errors(hidden)
+        assert begun == expected
+        begun.clear()
 
 
 def test_without_recordings_nothing_is_judged(robot: Robot, windows: Windows, seed: int) -> None:

@@ -148,6 +148,37 @@ def test_the_loudest_window_alone_begins_elsewhere(fitter: PlantFitter, seed: in
         assert moved[fitter.mean_squares(astray).argmax()], seed
 
 
+@pytest.mark.parametrize(
+    ("begins", "falls", "expected"),
+    [
+        (5000.0, 10.0, [[0, 1]] * 2),  # it would take too many rounds
+        (500.0, 100.0, [[0, 1]] * 2 + [[1]] * 4),
+        (1000.0, 100.0, [[0, 1]] * 2),
+    ],
+)
+def test_another_start_of_a_window_goes_on_as_long_as_it_may_become_the_lowest(
+    fitter: PlantFitter, monkeypatch, begins: float, falls: float, expected: list[list[int]]
+) -> None:
+    """One has ended at a cost of 100; the other falls by as much in each of six rounds."""
+    stepped: list[list[int]] = []
+
+    def step(_fit: Fit, members: np.ndarray, local: np.ndarray, _size: float):
+        rows = local[:, 0].astype(int)
+        stepped.append(rows.tolist())
+        before, after = (
+            np.where(rows == 0, 100.0, begins - falls * rounds)
+            for rounds in (len(stepped) - 1, len(stepped))
+        )
+        return local, before, after
+
+    monkeypatch.setattr(fitter, "_stepped_alone", step)
+    fit = fitter.first_estimate()
+    tried = np.zeros((2, fit.local.shape[1]))
+    tried[1, 0] = 1.0
+    fitter.searched(fit, np.zeros(2, int), tried)
+    assert stepped == expected
+
+
 def test_windows_that_saw_nothing_do_not_silence_those_that_did(robot: Robot, seed: int) -> None:
     recording = recorded(robot, (Term(NAMED["winch_gain"], None, (0.3,)),), seed)
     points = recording.observations.points.copy()
