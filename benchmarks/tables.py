@@ -24,12 +24,24 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from benchmarks import adoption, budget, demo, navigation, networks, recipes, residual, robot, steps
+from benchmarks import (
+    adoption,
+    budget,
+    demo,
+    lab_files,
+    navigation,
+    networks,
+    recipes,
+    residual,
+    robot,
+    steps,
+)
 from benchmarks.adoption import AdoptionRow, AdoptionStudy
 from benchmarks.demo import DemoResult, DemoRow
 from benchmarks.diagnosis.case_result import CaseResult
 from benchmarks.diagnosis.case_row import CaseRow
 from benchmarks.diagnosis.rates import hard_table, outside_table, rates_table
+from benchmarks.lab_files import LAB_FILES_CSV, LabFileRow
 from benchmarks.navigation import EpisodeRow, ModelRow
 from benchmarks.paper.definition import read_table, table_names
 from benchmarks.paper.rows import CellRow, left_out_table, result_table
@@ -113,6 +125,7 @@ TABLES: dict[str, Callable[[], list[str]]] = {
     "robot-drives": lambda: robot.drives_table(read_rows(DriveRow, ROBOT_DRIVES), "library"),
     "robot-errors-cogging": lambda: robot_errors("cogging"),
     "robot-errors-rod_flex": lambda: robot_errors("rod_flex"),
+    "lab-files": lambda: lab_files.table(read_rows(LabFileRow, LAB_FILES_CSV)),
     "networks": networks.table,
     "budget": lambda: budget.table("prism3"),
     "budget-regions": lambda: budget.regions_table("prism3"),
