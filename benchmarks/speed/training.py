@@ -28,7 +28,7 @@ from typing import Any
 CHUNKS, BATCHES, TRAINED = 16, (32, 64, 128), (64, 128)
 CANDIDATES, SECONDS = 200, 2.0
 CALLS = 5  # of which the fastest counts
-STARTING, STEPPING = 10.0, 5.0  # seconds of a training before its steps count, and of those that do
+STARTING, STEPS = 10.0, 20  # seconds before a training's steps count, and how many of them do
 
 
 def measured_here(precision: str) -> dict[str, float]:
@@ -141,17 +141,18 @@ def wall(windows: int, processes: int) -> str:
 
 def least_step(trainer: Any) -> float:
     """Least seconds of a training's steps, once its processes have started."""
-    ends = [time.perf_counter()]
+    begun = time.perf_counter()
+    ends: list[float] = []
 
     def note(progress: object) -> None:
-        ends.append(time.perf_counter())
-        if ends[-1] - ends[0] > STARTING + STEPPING:
+        if time.perf_counter() - begun > STARTING:
+            ends.append(time.perf_counter())
+        if len(ends) > STEPS:
             raise KeyboardInterrupt
 
     with contextlib.suppress(KeyboardInterrupt):
         trainer.run(note)
-    counting = [end for end in ends if end - ends[0] > STARTING]
-    return min(after - before for before, after in itertools.pairwise(counting))
+    return min(after - before for before, after in itertools.pairwise(ends))
 
 
 def fastest(call: Callable[[], object]) -> float:
@@ -202,8 +203,9 @@ def main() -> None:
             for name in (wall(windows, 1), wall(windows, 2), wall(2 * windows, 2))
         )
         print(
-            f"{windows} windows a step, after: two processes {shared / one:.2f} times as fast as one, "
-            f"with {windows} each {each / one:.2f} times"
+            f"{windows} windows a step, after: {one:.0f}/s of wall time with one process, "
+            f"{shared:.0f}/s with two ({shared / one:.2f} times), {each:.0f}/s with "
+            f"{windows} for each of two ({each / one:.2f} times)"
         )
 
 

@@ -111,7 +111,8 @@ class TrainingConfig(Frozen):
       processes: number of parts of each batch, each computed by a process on a core of its own. Part
         of the result: sums are rounded differently. A part costs as much as some 30 windows before its
         first one, so that more processes pay for large batches and wide networks: two train 64
-        windows 1.4 times as fast as one does, and 64 windows each 1.9 times. Each needs 0.4 GB.
+        windows 1.4 times as fast as one does, and 64 windows each 1.9 times. They wait for each other,
+        and so lose where other programs take their cores. Each needs 0.4 GB.
       seed: of the weights, the order of the data and the augmentation.
       start_from: (`from` in files) weights that a run begins with, by the fine-tuning schedule: "shipped" for
         the shipped network for the run's robot, or a file of weights; "" for random ones.
