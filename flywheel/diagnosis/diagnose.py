@@ -37,7 +37,6 @@ from flywheel.diagnosis.results.numbers_as_built import AsBuiltNumbers
 from flywheel.diagnosis.results.verdict import beyond, only_noise, other_form, verdict_of
 from flywheel.diagnosis.selection.candidates import Candidate, candidates
 from flywheel.diagnosis.selection.misspecification import PROBES
-from flywheel.diagnosis.selection.robot_as_built import known_share
 from flywheel.diagnosis.selection.score_test import ScoredModel
 from flywheel.diagnosis.selection.search import Search
 from flywheel.diagnosis.selection.stepwise import in_time_steps, stepwise
@@ -275,7 +274,7 @@ def _concluded(
         discrepancy=heartbeat.in_time(law, None, "a learned law") if left else None,
         model=under_test.name,
         calibration=tuple(e for e in judged.effects if not e.term.asked and e not in built),
-        as_built=AsBuiltNumbers(built, known_share(search, last.fit)) if built else None,
+        as_built=AsBuiltNumbers(built, search.known_share(last.fit)) if built else None,
         time_steps=TimeSteps(fitter.windows.robot.timestep, tuple(fitter.time_steps.tolist())),
         suspects=suspects,
         first_lengths=far_first_lengths(under_test.plant, fitter, last.fit),

@@ -172,4 +172,5 @@ def _twin(search: Search, fit: Fit, term: Term, score: Score) -> Fit | None:
 def _from_its_initial_states(search: Search, fit: Fit, other: Fit) -> Fit:
     """A fit, restarted from another model's initial states if those suit its windows better."""
     begun = search.fitter.with_terms(other, fit.terms)
-    return search.combined(fit, search.fit_until(begun, search.criterion(fit)))
+    found = search.fit_until(begun, search.criterion(fit))
+    return search.fit_until(search.fitter.best_of(fit, found))

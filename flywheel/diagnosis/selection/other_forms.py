@@ -3,13 +3,13 @@
 Friction that differs between cables leaves a large residual if it is modelled as equal, and so does
 friction in proportion to stiffness. A search would name a second effect for it. If an effect leaves
 more than noise, it is therefore fitted by other laws of its family, and with a size for each part;
-a form that is clearly better, including its penalty, is used.
+a form that is clearly better, including its penalty, is used. A fit with a form has it as its last term.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -18,7 +18,6 @@ from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
 from flywheel.diagnosis.fitting.nuisance import as_said
 from flywheel.diagnosis.selection.candidates import Candidate, at_parts, families
 from flywheel.diagnosis.selection.criterion import Promise, promised
-from flywheel.diagnosis.selection.robot_as_built import promised_as_built
 from flywheel.diagnosis.selection.score_test import (
     Score,
     ScoredModel,
@@ -38,24 +37,6 @@ from flywheel.effects import (
     per_part_term,
     with_shares,
 )
-
-
-@dataclass(frozen=True)
-class _Form:
-    """A model with a form of an effect.
-
-    Attributes:
-      fit: of it.
-      family: of the effect.
-    """
-
-    fit: Fit
-    family: str
-
-    @property
-    def term(self) -> Term:
-        """The effect in the model."""
-        return _of_family(self.fit, self.family)
 
 
 def proposed_forms(search: Search, model: ScoredModel) -> list[Term]:
@@ -115,25 +96,24 @@ def _in_best_form(
 ) -> ScoredModel:
     if not _seen_beside(search, model):
         return model
-    even = [_Form(model.fit, family), *_by_other_laws(search, model, family)]
-    even += _rivals_in_place(search, model, family, rivals)
-    form = min(even, key=lambda each: search.criterion(each.fit))
-    if form.fit is not model.fit:
-        model, family = search.score_all(search.settled(form.fit)), form.family
+    heartbeat, term = search.heartbeat, _of_family(model.fit, family)
+    tried = partial(_fitted_in_place, search, model.fit, term)
+    others = _others_in_place(search, model, term, rivals)
+    even = heartbeat.each(tried, others, lambda each: f"{each.label} in place of {family}")
+    form = min((model.fit, *even), key=search.criterion)
+    if form is not model.fit:
+        model, family = search.score_all(search.settled(form)), form.terms[-1].effect.family
         if not _seen_beside(search, model):
             return model
-    heartbeat, sized = search.heartbeat, partial(_per_part, search, model, family)
+    sized = partial(_per_part, search, model, family)
     uneven = heartbeat.spared(sized, None, f"{family} with a size for each part")
     if uneven is None:
         return model
-    tried = partial(_rival_per_part, search, found=uneven)
-    forms = [
-        uneven,
-        *heartbeat.each(tried, rivals, lambda rival: f"{rival.candidate.label} per part"),
-    ]
+    same = partial(_rival_per_part, search, uneven)
+    forms = [uneven, *heartbeat.each(same, rivals, lambda each: f"{each.candidate.label} per part")]
     alone = partial(_at_one_part, search)
-    forms += heartbeat.each(alone, forms, lambda form: f"{form.family} at one part")
-    best = min((form.fit for form in forms), key=search.criterion)
+    forms += heartbeat.each(alone, forms, lambda each: f"{each.terms[-1].effect.name} at one part")
+    best = min(forms, key=search.criterion)
     gained = search.criterion(model.fit) - search.criterion(best)
     return model if gained <= search.threshold else search.score_all(search.settled(best))
 
@@ -148,45 +128,28 @@ def _of_family(fit: Fit, family: str) -> Term:
     return next(term for term in fit.terms if term.asked and term.effect.family == family)
 
 
-def _by_other_laws(search: Search, model: ScoredModel, family: str) -> list[_Form]:
-    """The model with each other law of a family that explains something in addition, fitted."""
-    found, term = [], _of_family(model.fit, family)
-    for score in model.probes:
-        effect = score.candidate.effect
-        other = effect.family == family and effect.name != term.effect.name
-        if other and score.score >= search.threshold:
-            found += _fitted_in_place(search, model.fit, term, score.candidate)
-    return found
+def _others_in_place(
+    search: Search, model: ScoredModel, term: Term, rivals: Sequence[Score]
+) -> list[Candidate]:
+    """Laws and effects that are visible on top of an effect, to be fitted in its place.
 
-
-def _rivals_in_place(
-    search: Search, model: ScoredModel, family: str, rivals: Sequence[Score]
-) -> list[_Form]:
-    """The model with each rival that is visible in addition to an effect in its place, fitted.
-
-    For a robot as built: the compensation by its numbers was compared using sensitivities of
-    another place.
+    Other laws of its family; and rivals for a robot as built: the compensation by its numbers was
+    compared using sensitivities of another place.
     """
-    if model.fit.kept is None:
-        return []
-    found, term = [], _of_family(model.fit, family)
-    seen = {s.candidate.label for s in model.scores if s.score >= search.threshold}
-    for candidate in (rival.candidate for rival in rivals):
-        if candidate.effect.family != family and candidate.label in seen:
-            found += _fitted_in_place(search, model.fit, term, candidate)
-    return found
+    name, family = term.effect.name, term.effect.family
+    effects = [(each, each.candidate.effect) for each in model.probes]
+    found = [each for each, law in effects if law.family == family and law.name != name]
+    if model.fit.kept is not None:
+        others = {s.candidate.label for s in rivals if s.candidate.effect.family != family}
+        found += [each for each in model.scores if each.candidate.label in others]
+    return [each.candidate for each in found if each.score >= search.threshold]
 
 
-def _fitted_in_place(search: Search, fit: Fit, term: Term, candidate: Candidate) -> list[_Form]:
+def _fitted_in_place(search: Search, fit: Fit, term: Term, candidate: Candidate) -> Fit:
     """A fit with a candidate in place of a term, fitted as long as it may become better."""
-    what = f"{candidate.label} in place of {term.effect.name}"
-    search.heartbeat(f"fitting {what}")
-
-    def fitted(candidate: Candidate) -> _Form:
-        begun = search.fitter.with_terms(fit, _exchanged(search, fit, term, candidate))
-        return _Form(search.fit_until(begun, search.criterion(fit)), candidate.effect.family)
-
-    return search.heartbeat.each(fitted, [candidate], lambda _: what)
+    search.heartbeat(f"fitting {candidate.label} in place of {term.effect.name}")
+    begun = search.fitter.with_terms(fit, _exchanged(search, fit, term, candidate))
+    return search.fit_until(begun, search.criterion(fit))
 
 
 def _exchanged(search: Search, fit: Fit, term: Term, candidate: Candidate) -> Terms:
@@ -204,16 +167,15 @@ def _exchanged(search: Search, fit: Fit, term: Term, candidate: Candidate) -> Te
     return (*rest, candidate.term(tuple(sizes[best].tolist()), best))
 
 
-def _at_one_part(search: Search, found: _Form) -> _Form | None:
-    """The model with the effect at its largest part alone, fitted; None if others have much of it."""
-    fit, term = found.fit, found.term
+def _at_one_part(search: Search, fit: Fit) -> Fit | None:
+    """A fit with its form at the largest part alone, fitted again; None if others have much of it."""
+    *others, term = fit.terms
     alone, share = at_largest_part(term)
     if share < search.settings.forms.alone:
         return None
     search.heartbeat(f"fitting {term.effect.name} at one {term.effect.part}")
-    terms = tuple(alone if each is term else each for each in fit.terms)
-    begun = search.fitter.with_terms(fit, terms)
-    return _Form(search.fit_until(begun, search.criterion(fit)), found.family)
+    begun = search.fitter.with_terms(fit, (*others, alone))
+    return search.fit_until(begun, search.criterion(fit))
 
 
 def promised_per_part(
@@ -228,7 +190,7 @@ def promised_per_part(
     return promised(fitter, model, begun)
 
 
-def _per_part(search: Search, model: ScoredModel, family: str) -> _Form | None:
+def _per_part(search: Search, model: ScoredModel, family: str) -> Fit | None:
     """The model with a size of an effect for each part, fitted; None if that promises too little.
 
     Numbers of a robot as built differ between parts, too: it must promise about as much as they do.
@@ -239,7 +201,7 @@ def _per_part(search: Search, model: ScoredModel, family: str) -> _Form | None:
     promise = promised_per_part(search, model, others, term)
     if promise is None or (promise.explained < search.threshold and term.place is None):
         return None
-    numbers, more = promised_as_built(search, model), search.settings.pairs.more
+    numbers, more = search.promised_as_built(model), search.settings.pairs.more
     if numbers is not None and numbers.explained > more * promise.explained:
         return None
     *_, uneven = promise.fit.terms
@@ -247,7 +209,7 @@ def _per_part(search: Search, model: ScoredModel, family: str) -> _Form | None:
     sized = _sized_by_part(fitter, model, term, uneven, spread)
     starts = (promise.fit, fitter.with_terms(fit, (*others, sized)))
     begun = replace(min(starts, key=lambda each: each.cost), cache=fit.cache)
-    return _Form(search.fit_until(begun, search.criterion(fit)), family)
+    return search.fit_until(begun, search.criterion(fit))
 
 
 def _sized_by_part(
@@ -267,18 +229,17 @@ def _sized_by_part(
     return with_shares(uneven, size * (present + more), spread)
 
 
-def _rival_per_part(search: Search, score: Score, found: _Form) -> _Form | None:
-    """The model with another effect in its place, fitted; None if that has other parts.
+def _rival_per_part(search: Search, fit: Fit, score: Score) -> Fit | None:
+    """A fit with another effect in place of its form, fitted; None if that has other parts.
 
     It starts with the same factors: a cable with more friction has more of it by any law.
     """
-    fit, fitter, effect = found.fit, search.fitter, score.candidate.effect
+    fitter, effect, term = search.fitter, score.candidate.effect, fit.terms[-1]
     robot = fitter.windows.robot
-    if effect.family == found.family or not acts_on_same_parts(effect, found.term, robot):
+    if effect.family == term.effect.family or not acts_on_same_parts(effect, term, robot):
         return None
-    *rest, even = _exchanged(search, fit, found.term, score.candidate)
-    other = alike(even, found.term, robot)
+    *rest, even = _exchanged(search, fit, term, score.candidate)
+    other = alike(even, term, robot)
     search.heartbeat(f"fitting {other.effect.name} {other.effect.form}")
     begun = fitter.with_terms(fit, (*rest, other))
-    most = fitter.settings.stopping.rounds
-    return _Form(search.fit_until(begun, search.criterion(fit), most), effect.family)
+    return search.fit_until(begun, search.criterion(fit), fitter.settings.stopping.rounds)

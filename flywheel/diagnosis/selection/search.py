@@ -13,7 +13,7 @@ from flywheel.diagnosis.fitting.nuisance import as_said, asked, shaken_terms
 from flywheel.diagnosis.fitting.stopping import out_of_reach
 from flywheel.diagnosis.heartbeat import Heartbeat
 from flywheel.diagnosis.selection.candidates import Candidate, places
-from flywheel.diagnosis.selection.criterion import criterion
+from flywheel.diagnosis.selection.criterion import Promise, criterion, promised
 from flywheel.diagnosis.selection.score_test import Prior, Score, ScoredModel, score_test
 from flywheel.diagnosis.settings import SelectionSettings
 from flywheel.diagnosis.statistics import chance
@@ -229,9 +229,26 @@ class Search:
         """Smallest visible explanation by a term [sigma^2]."""
         return self.threshold * chance(len(term.effect.sizes), self.threshold)
 
-    def combined(self, fit: Fit, other: Fit, target: float = np.inf) -> Fit:
-        """The better of two fits of one model, with the initial states that are better in the other."""
-        return self.fit_until(self.fitter.best_of(fit, other), target)
+    def promised_as_built(self, model: ScoredModel) -> Promise | None:
+        """Promise of all numbers of a robot, each slightly off, on top of a model.
+
+        None if they are no candidates, or in the model, or nothing is left. The tolerances of a robot are
+        not known beforehand: of several fractions of the standard deviations the most likely one is used.
+        With too wide priors the numbers cost more than they explain, and single effects would be named
+        instead.
+        """
+        fitter, fit = self.fitter, model.fit
+        if not self.as_built or fit.kept is not None or model.beyond_noise < self.threshold:
+            return None
+        begun = fitter.with_terms(fit, (*fit.terms, *self.as_built))
+        begun = fitter.keeping(begun, self.as_built)
+        return promised(fitter, model, begun, self.settings.as_built_shares)
+
+    def known_share(self, fit: Fit) -> float:
+        """The fraction of the usual standard deviations in a fit with numbers of a robot as built."""
+        usual = self.as_built[0]
+        taken = next(t for t in fit.terms if t.effect is usual.effect and t.place == usual.place)
+        return taken.known[0] / usual.known[0]
 
     def shortlist(self, model: ScoredModel) -> list[Score]:
         """Candidates worth a fit, best first."""

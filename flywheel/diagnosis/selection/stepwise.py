@@ -21,7 +21,6 @@ from flywheel.diagnosis.selection.other_forms import (
     proposed_forms,
     with_even_sizes,
 )
-from flywheel.diagnosis.selection.robot_as_built import promised_as_built
 from flywheel.diagnosis.selection.score_test import ScoredModel, promising_pairs
 from flywheel.diagnosis.selection.screening import screened
 from flywheel.diagnosis.selection.search import Search, added
@@ -202,7 +201,7 @@ def _as_built(search: Search, model: ScoredModel) -> ScoredModel | None:
 
     Nor if the model has these numbers already, or they are not worth their price.
     """
-    promise = promised_as_built(search, model)
+    promise = search.promised_as_built(model)
     more = search.settings.pairs.more
     best = max(score.statistic for score in (*model.scores, *model.probes))
     if promise is None or promise.explained < max(search.threshold, more * best):

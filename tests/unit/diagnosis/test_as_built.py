@@ -15,7 +15,6 @@ from flywheel.diagnosis.fitting.model import ModelUnderTest, fitted
 from flywheel.diagnosis.fitting.nuisance import as_built_terms, asked
 from flywheel.diagnosis.selection.candidates import candidates
 from flywheel.diagnosis.selection.other_forms import in_other_forms, with_even_sizes
-from flywheel.diagnosis.selection.robot_as_built import promised_as_built
 from flywheel.diagnosis.selection.score_test import ScoredModel
 from flywheel.diagnosis.selection.search import Search
 from flywheel.diagnosis.selection.stepwise import _as_built, _numbers_are_needed
@@ -154,7 +153,7 @@ def test_numbers_explain_no_robot_that_one_law_explains_as_well(begun, outside):
     model = search.score_all(fitted(search.fitter, rounds=1))
     idle = replace(model.scores[0], statistic=0.0, score=0.0)
     model = replace(model, scores=(idle,), probes=(idle,))
-    promise = promised_as_built(search, model)
+    promise = search.promised_as_built(model)
     assert promise is not None
     assert _as_built(search, model) is not None
     law = (replace(idle, statistic=0.9 * promise.explained),)
