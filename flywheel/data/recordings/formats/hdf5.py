@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from flywheel.data.recordings.formats import netcdf
 from flywheel.data.recordings.formats.arrays import check_size, streams
 from flywheel.data.recordings.formats.stream import Contents
 from flywheel.errors import ConfigError, DataError
@@ -23,29 +24,40 @@ def read(path: Path, names: tuple[str, ...]) -> Contents:
         raise ConfigError("HDF5 needs h5py: install flywheel[formats].") from None
     found: dict[str, Any] = {}
     notes: list[str] = []
+    along = dict[str, str]()  # of netCDF: the dimension of an array
     with path.open("rb") as file:
         matlab = file.read(6) == b"MATLAB"
     try:
         with h5py.File(path, "r") as opened:
+            packed = netcdf.MADE_BY in opened.attrs
             for name, each in _data_sets(opened).items():
-                plain = each.dtype.names or each.dtype.kind in "biuf"
-                if not plain or each.is_virtual or each.external or "MATLAB_empty" in each.attrs:
+                if not _has_numbers(each):
                     notes.append(f"{name!r} is left out: it has no numbers of its own")
                     continue
                 check_size(each.size or 0, name)
                 check_size(sum(a.size for a in found.values()), "the file")
                 called = name.replace("/", ".") if matlab else name
-                found |= _columns(called, each, matlab)
+                if packed and each.dtype.kind in "iuf":
+                    found[called], along[called] = netcdf.numbers(each), netcdf.dimension(each)
+                else:
+                    found |= _columns(called, each, matlab)
                 if each.scaleoffset is not None and each.dtype.kind == "f":
                     notes.append(
                         f"{called!r} was saved with scaleoffset, which makes numbers of NaN: the "
                         "smallest of its chunk"
                     )
+            found = netcdf.padded(found, along)
     except DataError:
         raise
     except Exception as error:  # h5py raises whatever a damaged file leads to
         raise DataError(f"it is damaged: {str(error).splitlines()[:1]}.") from None
     return streams(found, tuple(notes))
+
+
+def _has_numbers(each: Any) -> bool:
+    if each.is_virtual or each.external or "MATLAB_empty" in each.attrs:
+        return False
+    return bool(each.dtype.names or each.dtype.kind in "biuf") and netcdf.is_variable(each)
 
 
 def _columns(name: str, each: Any, turned: bool) -> dict[str, Any]:

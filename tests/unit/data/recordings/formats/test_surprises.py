@@ -260,3 +260,54 @@ def test_numbers_that_may_have_been_nan_are_told(tmp_path: Path) -> None:
     (stream,) = read.streams
     np.testing.assert_array_equal(stream.columns["plain"], heights)
     np.testing.assert_allclose(stream.columns["rounded"], [2.0, 1.5, 1.5, 3.0])
+
+
+def test_variables_of_netcdf_have_equally_many_rows_and_are_not_packed(tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    unwritten = 9.969209968386869e36  # what netCDF says where nothing was written
+    with h5py.File(tmp_path / "a.nc", "w") as file:
+        file.attrs["_NCProperties"] = np.bytes_("version=2")
+        file["time"] = np.arange(4)
+        file["time"].attrs["units"] = np.bytes_("milliseconds since 2026-01-01")
+        file["axis"] = np.zeros(2)
+        file["alone"] = 5.0
+        file["count"] = np.array([0, 1, 0, 2])
+        file.create_dataset("height", data=np.array([0, -1, 500], np.int16), fillvalue=-1)
+        file["height"].attrs.update({"scale_factor": [0.001], "add_offset": 1.5})
+        file.create_dataset("force", data=[1.0, unwritten, 0.0, -9.0], fillvalue=unwritten)
+        file["force"].attrs.update({"missing_value": -9.0, "units": "N since the last stop"})
+        file.create_dataset("point", data=np.ones((3, 2)))
+        for name, kind in (
+            ("time", "time"),
+            ("axis", "This is a netCDF dimension but not a netCDF variable"),
+        ):
+            file[name].make_scale(kind)
+        for name in ("count", "height", "force", "point"):
+            file[name].dims[0].attach_scale(file["time"])
+        file["point"].dims[1].attach_scale(file["axis"])
+    read = open_log(tmp_path / "a.nc")
+    (stream,) = read.streams
+    expected = {
+        "time": [0.0, 0.001, 0.002, 0.003],
+        "count": [0, 1, 0, 2],
+        "height": [1.5, np.nan, 2.0, np.nan],
+        "force": [1.0, np.nan, 0.0, np.nan],
+        "point[0]": [1, 1, 1, np.nan],
+        "point[1]": [1, 1, 1, np.nan],
+    }
+    assert set(stream.columns) == set(expected)
+    for name, values in expected.items():
+        np.testing.assert_allclose(stream.columns[name], values, err_msg=name)
+    assert read.notes == ("'axis' is left out: it has no numbers of its own",)
+
+
+def test_a_netcdf_that_would_be_far_larger_than_it_is_is_refused(tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "a.nc", "w") as file:
+        file.attrs["_NCProperties"] = np.bytes_("version=2")
+        file["time"] = np.zeros(200_000, np.int8)
+        file["time"].make_scale("time")
+        file["wide"] = np.zeros((1, 1_000), np.int8)
+        file["wide"].dims[0].attach_scale(file["time"])
+    with pytest.raises(DataError, match="200,200,000 numbers"):
+        open_log(tmp_path / "a.nc")
