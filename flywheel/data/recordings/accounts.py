@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from flywheel.data.recordings.cables import Evidence, lengths_between, stretch, told_positions
-from flywheel.data.recordings.columns import Log, control_names, winch_names
 from flywheel.data.recordings.report import Finding
+from flywheel.data.recordings.tables.columns import Log, control_names, winch_names
 from flywheel.records import Floats
 from flywheel.robots import Robot
 

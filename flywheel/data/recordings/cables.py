@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from flywheel.data.recordings.columns import Log
 from flywheel.data.recordings.geometry import pairs
 from flywheel.data.recordings.pieces import distance
 from flywheel.data.recordings.report import Finding, listed
+from flywheel.data.recordings.tables.columns import Log
 from flywheel.errors import DataError
 from flywheel.records import Floats
 from flywheel.robots import GRAVITY, Attachment, Robot

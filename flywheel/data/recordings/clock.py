@@ -7,8 +7,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from flywheel.data.recordings.columns import Log
 from flywheel.data.recordings.report import Finding, counted
+from flywheel.data.recordings.tables.columns import Log
 from flywheel.errors import DataError
 
 # Rows are usually this far apart, or else the time is in another unit:

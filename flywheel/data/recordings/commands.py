@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 
 from flywheel.data.recordings.clock import stretches, usual_period, without_duplicates
-from flywheel.data.recordings.columns import TIME, Log, control_names, matched, pick
 from flywheel.data.recordings.geometry import check_commands
 from flywheel.data.recordings.grid import check_steps, most_rows, on_grid
 from flywheel.data.recordings.mapping import RecordingMap
 from flywheel.data.recordings.reading import beside
-from flywheel.data.recordings.table import open_table
-from flywheel.data.recordings.values import check_commanded
+from flywheel.data.recordings.tables.columns import TIME, Log, control_names, matched, pick
+from flywheel.data.recordings.tables.table import open_table
+from flywheel.data.recordings.tables.values import check_commanded
 from flywheel.data.recordings.writing import new_csv
 from flywheel.errors import DataError
 from flywheel.outputs import printable

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flywheel.data.recordings.columns import Log, control_names, winch_names
 from flywheel.data.recordings.mapping import Axes
 from flywheel.data.recordings.pieces import distance
 from flywheel.data.recordings.report import Finding, counted, listed
 from flywheel.data.recordings.sources import LENGTHS
+from flywheel.data.recordings.tables.columns import Log, control_names, winch_names
 from flywheel.errors import DataError
 from flywheel.records import Floats
 from flywheel.robots import Robot

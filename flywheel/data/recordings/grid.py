@@ -14,8 +14,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flywheel.data.recordings.columns import Log
 from flywheel.data.recordings.report import Finding
+from flywheel.data.recordings.tables.columns import Log
 from flywheel.errors import DataError
 from flywheel.records import Floats, Observation, Trajectory
 from flywheel.robots import Robot

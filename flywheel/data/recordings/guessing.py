@@ -12,13 +12,19 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from flywheel.data.recordings.alignment import Mover, Witness, comparable, likeness, seen_lengths
-from flywheel.data.recordings.channels import points_of
 from flywheel.data.recordings.formats import QUATERNION, LogFile, Stream, open_log
 from flywheel.data.recordings.geometry import pairs, usual_distances
-from flywheel.data.recordings.lookup import TIME_NAMES, Sheets
+from flywheel.data.recordings.joining.alignment import (
+    Mover,
+    Witness,
+    comparable,
+    likeness,
+    seen_lengths,
+)
+from flywheel.data.recordings.joining.channels import points_of
+from flywheel.data.recordings.joining.lookup import TIME_NAMES, Sheets
+from flywheel.data.recordings.joining.series import Clock
 from flywheel.data.recordings.mapping import RecordingMap
-from flywheel.data.recordings.series import Clock
 from flywheel.data.recordings.sources import HOLD, LENGTHS, TIMES
 from flywheel.errors import ConfigError, DataError
 from flywheel.files import yaml_text

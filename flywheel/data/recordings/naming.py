@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from flywheel.data.recordings.cables import Evidence, better_names
 from flywheel.data.recordings.geometry import pairs, usual_distances
-from flywheel.data.recordings.markers import Tracked
+from flywheel.data.recordings.repair.markers import Tracked
 from flywheel.errors import DataError
 from flywheel.robots import Robot
 

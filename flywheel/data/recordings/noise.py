@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from flywheel.data.recordings.columns import Log, control_names
 from flywheel.data.recordings.report import Finding
+from flywheel.data.recordings.tables.columns import Log, control_names
 from flywheel.records import Floats
 from flywheel.robots import Robot
 

@@ -12,12 +12,8 @@ from numpy.typing import NDArray
 
 from flywheel import __version__
 from flywheel.data.recordings.accounts import check_accounts
-from flywheel.data.recordings.alignment import Aligned
-from flywheel.data.recordings.assembly import Assembled, assemble
 from flywheel.data.recordings.cables import Evidence, check_channels, check_frame
 from flywheel.data.recordings.clock import stretches, usual_period, without_duplicates
-from flywheel.data.recordings.clocks import Follow
-from flywheel.data.recordings.columns import Log, matched, pick
 from flywheel.data.recordings.formats import TABLE, format_of
 from flywheel.data.recordings.geometry import (
     check_commands,
@@ -28,16 +24,20 @@ from flywheel.data.recordings.geometry import (
     floating,
 )
 from flywheel.data.recordings.grid import check_steps, most_rows, on_grid
+from flywheel.data.recordings.joining.alignment import Aligned
+from flywheel.data.recordings.joining.assembly import Assembled, assemble
+from flywheel.data.recordings.joining.clocks import Follow
 from flywheel.data.recordings.locked import with_locked
 from flywheel.data.recordings.mapping import RecordingMap, read_map
-from flywheel.data.recordings.markers import judged, track
 from flywheel.data.recordings.naming import named
 from flywheel.data.recordings.noise import noisy_commands
-from flywheel.data.recordings.repeats import mask_repeats
+from flywheel.data.recordings.repair.markers import judged, track
+from flywheel.data.recordings.repair.repeats import mask_repeats
 from flywheel.data.recordings.report import Finding, ImportReport, listed
 from flywheel.data.recordings.sources import FileEntry
-from flywheel.data.recordings.table import Told, open_table
-from flywheel.data.recordings.values import check_commanded, mask_impossible
+from flywheel.data.recordings.tables.columns import Log, matched, pick
+from flywheel.data.recordings.tables.table import Told, open_table
+from flywheel.data.recordings.tables.values import check_commanded, mask_impossible
 from flywheel.data.splits import assign_split
 from flywheel.errors import ConfigError, DataError
 from flywheel.outputs import printable

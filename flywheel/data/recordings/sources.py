@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_validator
 
 from flywheel.data.recordings.formats import FORMATS
-from flywheel.data.recordings.table import LONGEST_NAME, is_plain
+from flywheel.data.recordings.tables.table import LONGEST_NAME, is_plain
 from flywheel.files import shown
 from flywheel.quantities import Bounds
 from flywheel.validation import Frozen

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from flywheel.data.recordings.columns import TIME, control_names, point_names, winch_names
+from flywheel.data.recordings.tables.columns import TIME, control_names, point_names, winch_names
 from flywheel.errors import DataError, RunError
 from flywheel.faults import fault_of, told
 from flywheel.records import Episode, Floats, MeasuredChannel

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from flywheel.data.recordings import read_recording, write_recording
-from flywheel.data.recordings.columns import Log
 from flywheel.data.recordings.geometry import check_commands
 from flywheel.data.recordings.mapping import RecordingMap
+from flywheel.data.recordings.tables.columns import Log
 from flywheel.diagnosis import diagnose
 from flywheel.diagnosis.comparison import Subject, compare
 from flywheel.dynamics.gnn import ChunkNetwork, NetworkConfig

@@ -22,7 +22,7 @@ import numpy as np
 import pyarrow as pa
 from pyarrow import parquet
 
-from flywheel.data.recordings.columns import point_names
+from flywheel.data.recordings.tables.columns import point_names
 from flywheel.data.recordings.writing import Logged, created
 from flywheel.errors import DataError
 from flywheel.files import MB

@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from flywheel.data.recordings import RecordingMap, read_recording
-from flywheel.data.recordings.flips import Limits, UnseenTurns, unflipped
 from flywheel.data.recordings.reading import Imported
+from flywheel.data.recordings.repair.flips import Limits, UnseenTurns, unflipped
 from flywheel.dynamics.plant import Plant
 from flywheel.records import Floats
 from flywheel.robots import Robot, load_robot

@@ -6,9 +6,9 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from flywheel.data.recordings.following import MUCH_BETTER, Bounds, follow
-from flywheel.data.recordings.markers import track
 from flywheel.data.recordings.pieces import distance
+from flywheel.data.recordings.repair.following import MUCH_BETTER, Bounds, follow
+from flywheel.data.recordings.repair.markers import track
 from tests.unit.data.recordings.conftest import Sheet
 
 

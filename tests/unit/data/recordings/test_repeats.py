@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from flywheel.data.recordings import read_recording
-from flywheel.data.recordings.columns import Log
-from flywheel.data.recordings.repeats import mask_repeats
+from flywheel.data.recordings.repair.repeats import mask_repeats
+from flywheel.data.recordings.tables.columns import Log
 from flywheel.robots import Robot, load_robot
 from tests.unit.data.recordings.conftest import SEED, Sheet
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from flywheel.data.recordings import read_recording
-from flywheel.data.recordings.strays import islands, spikes
+from flywheel.data.recordings.repair.strays import islands, spikes
 from tests.unit.data.recordings.conftest import SEED, Sheet
 
 

@@ -15,7 +15,7 @@ import pytest
 
 from flywheel.data.recordings import read_recording
 from flywheel.data.recordings.mapping import RecordingMap
-from flywheel.data.recordings.table import LONGEST_LINE, Table, open_table
+from flywheel.data.recordings.tables.table import LONGEST_LINE, Table, open_table
 from flywheel.errors import ConfigError, DataError
 from tests.unit.data.recordings.conftest import Sheet
 
@@ -80,7 +80,7 @@ LINES = [
 def test_pieces_in_which_a_file_is_read_make_no_difference(at_once, tmp_path, monkeypatch):
     rng = np.random.default_rng(at_once)
     text = "a,note,b\n" + "".join(rng.choice(LINES, 200))
-    monkeypatch.setattr("flywheel.data.recordings.table.CHARACTERS_AT_ONCE", at_once)
+    monkeypatch.setattr("flywheel.data.recordings.tables.table.CHARACTERS_AT_ONCE", at_once)
     table = read(text, tmp_path, "a", "b", most=500)
     reader, values, lines = csv.reader(io.StringIO(text, newline="")), [], []
     for row in reader:

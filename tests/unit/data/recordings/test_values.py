@@ -8,9 +8,9 @@ import pytest
 
 from flywheel.data.recordings import Imported, RecordingMap, Units, read_recording
 from flywheel.data.recordings.clock import MOST_GAPS
-from flywheel.data.recordings.columns import winch_names
 from flywheel.data.recordings.commands import read_commands
 from flywheel.data.recordings.grid import most_rows
+from flywheel.data.recordings.tables.columns import winch_names
 from flywheel.errors import DataError, FlywheelError
 from tests.unit.data.recordings.conftest import Sheet
 

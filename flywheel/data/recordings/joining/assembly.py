@@ -7,15 +7,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from flywheel.data.recordings.alignment import Aligned
-from flywheel.data.recordings.channels import cables_of, commands_of, points_of, positions_of
-from flywheel.data.recordings.clocks import Follow, clocks_of
-from flywheel.data.recordings.columns import Log
-from flywheel.data.recordings.lookup import Sheets
+from flywheel.data.recordings.joining.alignment import Aligned
+from flywheel.data.recordings.joining.channels import (
+    cables_of,
+    commands_of,
+    points_of,
+    positions_of,
+)
+from flywheel.data.recordings.joining.clocks import Follow, clocks_of
+from flywheel.data.recordings.joining.lookup import Sheets
+from flywheel.data.recordings.joining.series import one_log
 from flywheel.data.recordings.mapping import RecordingMap
 from flywheel.data.recordings.report import Finding, listed
-from flywheel.data.recordings.series import one_log
 from flywheel.data.recordings.sources import FileEntry
+from flywheel.data.recordings.tables.columns import Log
 from flywheel.errors import DataError
 from flywheel.robots import Robot
 

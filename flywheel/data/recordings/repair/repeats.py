@@ -11,9 +11,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from flywheel.data.recordings.columns import Log, winch_names
 from flywheel.data.recordings.noise import last_digit, white_noise
 from flywheel.data.recordings.report import Finding
+from flywheel.data.recordings.tables.columns import Log, winch_names
 from flywheel.records import Floats
 from flywheel.robots import Robot
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flywheel.data.recordings.cables import lengths_between
-from flywheel.data.recordings.series import Clock
+from flywheel.data.recordings.joining.series import Clock
 from flywheel.errors import DataError
 from flywheel.records import Floats
 from flywheel.robots import Robot

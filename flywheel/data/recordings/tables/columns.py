@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from flywheel.data.recordings.mapping import RecordingMap
 from flywheel.data.recordings.report import Finding, counted, listed
-from flywheel.data.recordings.table import OpenTable, Table
+from flywheel.data.recordings.tables.table import OpenTable, Table
 from flywheel.errors import DataError
 from flywheel.records import ChannelKind, Floats, MeasuredChannel
 from flywheel.robots import Robot

@@ -15,11 +15,11 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from flywheel.data.recordings.following import NOISES, Bounds, follow
 from flywheel.data.recordings.geometry import median
 from flywheel.data.recordings.pieces import ways
+from flywheel.data.recordings.repair.following import NOISES, Bounds, follow
+from flywheel.data.recordings.repair.strays import islands, spikes
 from flywheel.data.recordings.report import Finding
-from flywheel.data.recordings.strays import islands, spikes
 from flywheel.errors import DataError
 from flywheel.records import Floats
 from flywheel.robots import Robot

@@ -12,7 +12,7 @@ from itertools import pairwise, product
 import numpy as np
 from numpy.typing import NDArray
 
-from flywheel.data.recordings.following import FASTEST
+from flywheel.data.recordings.repair.following import FASTEST
 from flywheel.records import Floats
 from flywheel.robots import GRAVITY, Robot
 from flywheel.rotations import about_axis, conjugate, multiply, rotate

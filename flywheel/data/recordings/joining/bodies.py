@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from flywheel.data.recordings.flips import Limits, UnseenTurns, unflipped
-from flywheel.data.recordings.lookup import Found, Sheets, Source, length_of
+from flywheel.data.recordings.joining.lookup import Found, Sheets, Source, length_of
+from flywheel.data.recordings.joining.series import Clock
 from flywheel.data.recordings.mapping import RecordingMap
+from flywheel.data.recordings.repair.flips import Limits, UnseenTurns, unflipped
 from flywheel.data.recordings.report import Action, Finding
-from flywheel.data.recordings.series import Clock
 from flywheel.data.recordings.sources import PoseSource
 from flywheel.errors import DataError
 from flywheel.records import Floats

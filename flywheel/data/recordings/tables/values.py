@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from flywheel.data.recordings.columns import TIME, Log, control_names, winch_names
 from flywheel.data.recordings.report import Finding, counted
+from flywheel.data.recordings.tables.columns import TIME, Log, control_names, winch_names
 from flywheel.errors import DataError
 from flywheel.records import Floats
 from flywheel.robots import Robot

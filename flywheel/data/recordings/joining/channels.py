@@ -6,13 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from flywheel.data.recordings.bodies import Poses, poses_of
-from flywheel.data.recordings.columns import channel_names
-from flywheel.data.recordings.lookup import Found, Sheets, length_of
+from flywheel.data.recordings.joining.bodies import Poses, poses_of
+from flywheel.data.recordings.joining.lookup import Found, Sheets, length_of
+from flywheel.data.recordings.joining.series import Clock, Series
 from flywheel.data.recordings.mapping import RecordingMap
 from flywheel.data.recordings.report import Finding, listed
-from flywheel.data.recordings.series import Clock, Series
 from flywheel.data.recordings.sources import Channel, factor_of, newtons_of
+from flywheel.data.recordings.tables.columns import channel_names
 from flywheel.errors import DataError
 from flywheel.records import ChannelKind, Floats
 from flywheel.robots import Cable, Robot, Winch

@@ -6,7 +6,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from flywheel.data.recordings.alignment import (
+from flywheel.data.recordings.grid import held
+from flywheel.data.recordings.joining.alignment import (
     MOST_SECONDS,
     SHORTEST,
     Aligned,
@@ -14,12 +15,11 @@ from flywheel.data.recordings.alignment import (
     align,
     seen_lengths,
 )
-from flywheel.data.recordings.channels import commands_of, points_of, positions_of
-from flywheel.data.recordings.grid import held
-from flywheel.data.recordings.lookup import Sheets
+from flywheel.data.recordings.joining.channels import commands_of, points_of, positions_of
+from flywheel.data.recordings.joining.lookup import Sheets
+from flywheel.data.recordings.joining.series import Clock, Series
 from flywheel.data.recordings.mapping import RecordingMap
 from flywheel.data.recordings.report import Finding, counted
-from flywheel.data.recordings.series import Clock, Series
 from flywheel.data.recordings.sources import FileEntry
 from flywheel.errors import DataError
 from flywheel.records import Floats

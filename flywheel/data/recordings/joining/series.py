@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flywheel.data.recordings.clock import GAP
-from flywheel.data.recordings.columns import Log, finite
 from flywheel.data.recordings.grid import held, most_rows, phase
-from flywheel.data.recordings.lookup import Source
+from flywheel.data.recordings.joining.lookup import Source
 from flywheel.data.recordings.report import Finding, counted, listed
+from flywheel.data.recordings.tables.columns import Log, finite
 from flywheel.errors import DataError
 from flywheel.records import ChannelKind, Floats, MeasuredChannel
 from flywheel.robots import Robot

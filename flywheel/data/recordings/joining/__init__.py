@@ -1,0 +1,1 @@
+"""Several files joined into one recording: their clocks, names, poses and channels."""

@@ -1,0 +1,1 @@
+"""Repair of what trackers do to points: exchanged, jumping, strayed and repeated markers."""
