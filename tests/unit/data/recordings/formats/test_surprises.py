@@ -23,17 +23,32 @@ def only(path: Path) -> Stream:
     return stream
 
 
-def c3d(path: Path, frames: int, units: str | None = "mm") -> Path:
+def c3d(
+    path: Path,
+    frames: int,
+    units: str | None = "mm",
+    count: int = 2,
+    first: int = 0,
+    analog: int = 0,
+) -> Path:
     ezc3d = pytest.importorskip("ezc3d")
     file = ezc3d.c3d()
-    file["parameters"]["POINT"]["RATE"]["value"] = [100.0]
-    file["parameters"]["POINT"]["LABELS"]["value"] = ["a  ", "b"]
+    file["parameters"]["POINT"]["RATE"]["value"] = [29.97 if analog else 100.0]
+    labels = ["a  ", "b", *(f"m{i}" for i in range(2, count))]
+    file["parameters"]["POINT"]["LABELS"]["value"] = labels
     file["parameters"]["POINT"]["UNITS"]["value"] = [units] if units else []
-    points = np.ones((4, 2, frames))
+    if first:
+        file["header"]["points"]["first_frame"] = first
+        file["header"]["points"]["last_frame"] = first + frames - 1
+    if analog:
+        file["parameters"]["ANALOG"]["RATE"]["value"] = [29.97 * analog]
+        file["parameters"]["ANALOG"]["LABELS"]["value"] = ["volts"]
+        file["data"]["analogs"] = np.ones((1, 1, frames * analog))
+    points = np.ones((4, count, frames)) * np.arange(1, count + 1)[:, None]
     points[0] = np.arange(frames)
     points[:3, 1, 2] = np.nan
     file["data"]["points"] = points
-    file["data"]["meta_points"]["residuals"] = np.zeros((1, 2, frames))
+    file["data"]["meta_points"]["residuals"] = np.zeros((1, count, frames))
     file.write(str(path))
     return path
 
@@ -55,6 +70,38 @@ def test_a_nan_in_a_c3d_was_not_seen_though_its_residual_is_0(tmp_path: Path) ->
 
 def test_a_c3d_without_a_unit_asks_for_it(tmp_path: Path) -> None:
     assert only(c3d(tmp_path / "a.c3d", 10, units=None)).asks_unit
+
+
+def test_a_c3d_of_300_markers_has_the_names_of_all(tmp_path: Path) -> None:
+    columns = only(c3d(tmp_path / "a.c3d", 3, count=300)).columns
+    assert len(columns) == 900
+    np.testing.assert_array_equal(columns["m299.y"], [300.0, 300.0, 300.0])
+
+
+def test_a_c3d_that_begins_later_says_which_frame_its_times_count_from(tmp_path: Path) -> None:
+    found = open_log(c3d(tmp_path / "a.c3d", 10, first=500))
+    assert found.streams[0].time is not None
+    np.testing.assert_allclose(found.streams[0].time, 5.0 + 0.01 * np.arange(10))
+    assert found.notes == ("its first frame is number 501: times are from frame 1 on",)
+
+
+def test_a_c3d_whose_markers_its_reader_would_garble_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="30 samples per frame by their rates and 30 by its header"):
+        open_log(c3d(tmp_path / "a.c3d", 10, analog=30))
+
+
+def test_times_of_lerobot_are_frames_by_its_rate_after_an_hour_too(tmp_path: Path) -> None:
+    frames = np.arange(108_000, 108_005)
+    stamps = (frames / 30).astype(np.float32)
+    assert np.ptp(np.diff(stamps)) > 1e-4
+    (tmp_path / "meta").mkdir()
+    (tmp_path / "meta" / "info.json").write_text(json.dumps({"fps": 30, "features": {}}))
+    table = {"frame_index": frames, "timestamp": stamps, "action": [[1.5]] * 5}
+    (tmp_path / "data").mkdir()
+    parquet.write_table(pa.table(table), tmp_path / "data" / "file-000.parquet")
+    found = only(tmp_path)
+    assert found.time is not None
+    np.testing.assert_allclose(found.time, frames / 30, rtol=0, atol=1e-9)
 
 
 def test_a_c3d_of_more_frames_than_are_counted_is_refused(tmp_path: Path) -> None:
