@@ -137,6 +137,24 @@ def test_matlabs_whole_numbers_and_logicals_are_numbers(tmp_path: Path) -> None:
     np.testing.assert_array_equal(columns["seen"], [1.0, 0.0, 1.0])
 
 
+def test_arrays_of_matlab_7_3_are_turned_and_empty_ones_left_out(tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    path = tmp_path / "a.mat"
+    with h5py.File(path, "w", userblock_size=512) as file:
+        file["log/t"] = 0.01 * np.arange(5)[None]
+        file["log/x"] = np.arange(10.0).reshape(2, 5)  # MATLAB's 5 x 2
+        file["log/empty"] = np.array([0, 0], np.uint64)
+        file["log/empty"].attrs["MATLAB_empty"] = 1
+    content = bytearray(path.read_bytes())
+    content[:128] = b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM"
+    path.write_bytes(content)
+    found = open_log(path)
+    (stream,) = found.streams
+    assert set(stream.columns) == {"log.t", "log.x[0]", "log.x[1]"}
+    np.testing.assert_array_equal(stream.columns["log.x[1]"], [5, 6, 7, 8, 9])
+    assert found.notes == ("'log/empty' is left out: it has no numbers of its own",)
+
+
 @pytest.mark.parametrize("between", ["\t", ","])
 def test_an_unseen_marker_of_a_trc_does_not_move_the_next_into_its_cells(
     between: str, tmp_path: Path
