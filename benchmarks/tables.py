@@ -95,6 +95,11 @@ def robot_errors(of_set: str) -> list[str]:
     return robot.errors_table(read_rows(ErrorRow, ROBOT_ERRORS), of_set)
 
 
+def robot_drives(of_set: str) -> list[str]:
+    """Drives of the planners of runs on a robot with a set of hidden effects."""
+    return robot.drives_table(read_rows(DriveRow, ROBOT_DRIVES), of_set)
+
+
 def paper_rows(name: str) -> list[CellRow]:
     """Collected results of a table of models."""
     return rows_there(CellRow, PAPER / f"{name}.csv")
@@ -122,7 +127,8 @@ TABLES: dict[str, Callable[[], list[str]]] = {
     "residual": lambda: residual.table(read_rows(ResidualRow, RESIDUAL)),
     "demo": lambda: demo.table(read_rows(DemoRow, DEMO)),
     "robot-errors": lambda: robot_errors("library"),
-    "robot-drives": lambda: robot.drives_table(read_rows(DriveRow, ROBOT_DRIVES), "library"),
+    "robot-drives": lambda: robot_drives("library"),
+    "robot-drives-longer": lambda: robot_drives("library_implicitfast"),
     "robot-errors-cogging": lambda: robot_errors("cogging"),
     "robot-errors-rod_flex": lambda: robot_errors("rod_flex"),
     "lab-files": lambda: lab_files.table(read_rows(LabFileRow, LAB_FILES_CSV)),
