@@ -40,6 +40,7 @@ def far(fitter: PlantFitter, **offsets: float) -> tuple[FirstLength, ...]:
 def told(*lengths: FirstLength, verdict: Verdict = Verdict.NOISE_ONLY) -> Any:
     return SimpleNamespace(
         verdict=verdict,
+        interrupted=False,
         first_lengths=lengths,
         evidence=SimpleNamespace(recording=np.array([0, 0, 1, 1])),
         settings=Settings(),
