@@ -2,12 +2,14 @@
 
 from dataclasses import replace
 
+import mujoco
 import numpy as np
 import pytest
 
 from flywheel.diagnosis.fitting.nuisance import as_built_terms
 from flywheel.diagnosis.fitting.parameters import free_parameters
 from flywheel.dynamics.plant import AugmentedPlant, Plant, PlantParameters
+from flywheel.dynamics.plant.augmented import edited
 from flywheel.effects import (
     NAMED,
     AsBuilt,
@@ -24,6 +26,7 @@ from flywheel.effects import (
 from flywheel.effects.effect import parts_of
 from flywheel.records import Floats, State
 from flywheel.robots import Robot, load_robot
+from flywheel.robots.bodies import moving_bodies
 
 STEPS = 30
 
@@ -103,6 +106,19 @@ def test_an_end_moved_along_its_cable_is_a_shorter_cable() -> None:
     inwards = (Term(NAMED["cable_end"], anchor, tuple((-away).tolist())),)
     height = [moved(augmented, terms)[5, :, 2].mean() for terms in (outwards, (), inwards)]
     assert height[0] > height[1] > height[2]  # pulled more, as it hangs, and less
+
+
+def test_a_centre_of_mass_at_its_bodys_origin_moves() -> None:
+    """Until `mj_setConst` MuJoCo takes it for the origin, whatever body_ipos says."""
+    augmented = AugmentedPlant(Plant(load_robot("prism3")))
+    offset = (0.01, 0.02, -0.03)
+    term = Term(NAMED["centre_of_mass"], 1, offset)
+    model = edited(augmented._movable, augmented.robot, (term,))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    body = moving_bodies(model)[1]
+    moved_by = data.xmat[body].reshape(3, 3).T @ (data.xipos[body] - data.xpos[body])
+    np.testing.assert_allclose(moved_by, offset, atol=1e-12)
 
 
 def test_parts_are_named_after_the_robots() -> None:
