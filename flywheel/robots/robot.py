@@ -125,10 +125,25 @@ class Robot:
             )
 
     def require_rest_lengths(self, to_be: str) -> None:
-        """Reject a robot whose winches take tensions, or move cables by different amounts.
+        """Reject a robot whose winches take tensions.
 
         Args:
           to_be: the impossible operation, for the message: "predicted by a network".
+
+        Raises:
+          RobotError: they do.
+        """
+        if self.tension_driven:
+            raise RobotError(
+                f"{self.name} cannot be {to_be}: its winches take tensions, and that needs winches that take "
+                "rest lengths or their rates."
+            )
+
+    def require_even_winches(self, to_be: str) -> None:
+        """Reject a robot whose winches take tensions, or move cables by different amounts.
+
+        Args:
+          to_be: the impossible operation, for the message: "simulated by the truth simulator".
 
         Raises:
           RobotError: they do.
@@ -138,11 +153,7 @@ class Robot:
                 f"{self.name} cannot be {to_be}: it has antagonists on one winch, and that needs winches "
                 "whose cables all change by the same amount."
             )
-        if self.tension_driven:
-            raise RobotError(
-                f"{self.name} cannot be {to_be}: its winches take tensions, and that needs winches that take "
-                "rest lengths or their rates."
-            )
+        self.require_rest_lengths(to_be)
 
     @cached_property
     def ratios(self) -> Floats:

@@ -56,9 +56,18 @@ class Draw:
         )
 
 
-def to_batch(windows: WindowBatch, history: int, device: str = "cpu") -> Batch:
-    """Split windows at their present and shift each so that its robot stands above the origin."""
-    shift = _ground_center(windows.points[:, history])
+def to_batch(
+    windows: WindowBatch, history: int, device: str = "cpu", tethered: bool = False
+) -> Batch:
+    """Split windows at their present and shift each so that its robot stands above the origin.
+
+    Args:
+      windows: gathered.
+      history: of the network [steps].
+      device: of the batch.
+      tethered: cables hold the robot in the world (`Robot.tethered`): its windows stay where they are.
+    """
+    shift = _ground_center(windows.points[:, history]) * (not tethered)
     past, ahead = (
         points - shift[:, None, None]
         for points in (windows.points[:, : history + 1], windows.points_truth[:, history - 1 :])

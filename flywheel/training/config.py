@@ -91,7 +91,7 @@ class TrainingConfig(Frozen):
       rest_weight: of the rest lengths' loss, if their truth is known.
       lead_power: errors in chunk j are divided by (1 + j) to this power (positions: twice it).
       yaw_augmentation: turn every window about the vertical by a random angle, unless the network's
-        predictions turn with the robot anyway (`NetworkConfig.yaw_frame`).
+        predictions turn with the robot anyway (`NetworkConfig.yaw_frame`), or cables hold it in the world.
       symmetries: list the robot's parts in the order of a random one of its symmetries, in each window
         that was simulated without an effect at a single place. Motion that was seen on one of the robot's
         sides is then known of all that are the same. A real robot's sides may differ.

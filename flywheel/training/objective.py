@@ -51,6 +51,7 @@ class Objective:
         }
         self._simulated = np.array([name != RECORDING for name in cache.datasets])
         self._symmetries = symmetries_of(simulator.robot) if config.symmetries else None
+        self._tethered = simulator.robot.tethered
         self._scales = self._measured_scales().to(config.device)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -116,7 +117,7 @@ class Objective:
         starts = self._draws[chunks](generator(config.seed, step, _ORDER), windows)
         gathered = self._cache.gather(starts, self._history + chunks * self._chunk)
         rng = generator(config.seed, step, _AUGMENTATION)
-        if config.yaw_augmentation and not self._simulator.config.yaw_frame:
+        if config.yaw_augmentation and not (self._simulator.config.yaw_frame or self._tethered):
             gathered = turned(gathered, rng)
         if self._symmetries is not None:
             alike = self._simulated[gathered.dataset]
@@ -125,13 +126,14 @@ class Objective:
             gathered = noisy(
                 gathered, self._history, config.noise * self._simulator.robot.length, rng
             )
-        return to_batch(gathered, self._history, config.device)
+        return to_batch(gathered, self._history, config.device, self._tethered)
 
     def measured(self) -> Batch:
         """A large batch of unmodified one-chunk windows, to measure scales on."""
         rng = generator(self._config.seed, 0, _MEASURING)
         starts = self._draws[min(self._draws)](rng, _MEASURED_WINDOWS)
-        return to_batch(self._cache.gather(starts, self._history + self._chunk), self._history)
+        windows = self._cache.gather(starts, self._history + self._chunk)
+        return to_batch(windows, self._history, tethered=self._tethered)
 
     def _measured_scales(self) -> LossScales:
         batch = self.measured()

@@ -104,7 +104,7 @@ class Validation:
         chosen = np.sort(rng.choice(starts, min(windows, len(starts)), replace=False))
         gathered = cache.gather(chosen, length)
         self._steps, self._chunks = steps, math.ceil(steps / chunk)
-        self._batch = to_batch(gathered, history)
+        self._batch = to_batch(gathered, history, tethered=robot.tethered)
         self._chunk = chunk
 
     @torch.no_grad()

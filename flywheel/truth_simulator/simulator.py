@@ -81,7 +81,7 @@ class TruthSimulator:
         contact: Contact = "elliptic",
         step: float = STEP,
     ) -> None:
-        robot.require_rest_lengths("simulated by the truth simulator")
+        robot.require_even_winches("simulated by the truth simulator")
         self._cone = lookup(CONTACTS, contact, "contact")
         self.robot, self.effects, self.contact, self.step = robot, tuple(effects), contact, step
         self.families = Families.of(self.effects)

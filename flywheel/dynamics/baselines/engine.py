@@ -80,7 +80,7 @@ class RigidBodyEngine:
         contact: Floats | None = None,
     ) -> None:
         robot.require_free("simulated by the rigid-body engine")
-        robot.require_rest_lengths("simulated by the rigid-body engine")
+        robot.require_even_winches("simulated by the rigid-body engine")
         self.robot, self.dt, self.config = robot, dt, config
         self.contact = USUAL if contact is None else np.asarray(contact, float)
         self._model = with_attachments(robot, config.attachments, config.calibrated)

@@ -209,7 +209,7 @@ class _Features(torch.autograd.Function):
         g_frames += torch.matmul(step.maps.t(), g_vectors)
         winches = len(step.drives.keep)
         g_winch = torch.zeros(winches + 1, body.shape[-1])
-        g_winch.index_add_(0, step.graph.cable_winch, g_rest)
+        g_winch.index_add_(0, step.graph.cable_winch, step.graph.ratio * g_rest)
         return None, g_frames, g_speeds, g_winch[:winches], None, None, None
 
 
@@ -456,7 +456,7 @@ def _layout(parts: Parts) -> features.Layout:
     cable, contact = graph.relations["cable"], graph.relations.get("contact")
     radius = graph.radius[:, 0] if graph.robot.grounded else torch.zeros(count)
     return features.Layout(
-        turning=int(config.yaw_frame),
+        turning=int(graph.turning),
         configured=int(config.config_features),
         exact=int(config.cable_ends == "attachments"),
         vertical=1e-3 * length,

@@ -50,7 +50,7 @@ class NetworkConfig(Frozen):
       ground_clamp: largest ground distance in a node's features, likewise.
       yaw_frame: express all inputs and outputs in a frame that turns with the robot about the
         vertical, so that predictions turn with it exactly. Else in world axes, where this must be
-        learned from rotated training data.
+        learned from rotated training data. A robot with cables to the world is always seen in world axes.
       datasets: size of the data sets' one-hot.
       mechanics: all changes of velocities are the network's ("learned"), or it adds to those by cables
         and gravity from the robot's numbers, with the attachments of the MJCF ("mjcf"), on the circles of

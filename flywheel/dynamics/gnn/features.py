@@ -181,7 +181,7 @@ class FeatureBuilder:
 
     def heading(self, state: MechanicalState) -> Tensor | None:
         """(2, K) cos and sin of the robot's heading; None if features are in world axes."""
-        if not self._config.yaw_frame:
+        if not self._graph.turning:
             return None
         first, second = torch.matmul(
             self._maps[[self._first, self._second]], state.frames[:2]

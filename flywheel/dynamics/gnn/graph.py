@@ -91,6 +91,7 @@ class RobotGraph:
       designated: two body nodes; positions are relative to the first, and the horizontal direction
         to the second is the robot's heading.
       cable_winch: (E,) winch of each cable edge; W (one past the last) for a passive cable.
+      ratio: (E, 1) change of each cable edge's rest length per change of its winch's position.
       stiffness, damping: (E, 1) of each cable edge in weights of the robot per metre, and per m/s.
       winch_average: (W, E) averages over the cable edges of each winch.
       rest_offset: (E, 1) rest length of each cable edge at winch position 0 [m]; for a passive
@@ -127,6 +128,11 @@ class RobotGraph:
         return len(self.nodes)
 
     @property
+    def turning(self) -> bool:
+        """True if inputs and outputs are in axes that turn with the robot."""
+        return self.config.yaw_frame and not self.robot.tethered
+
+    @property
     def contact_count(self) -> int:
         """Possible contacts: of all body nodes with the ground, then with the nearest box, and so on."""
         return self.body_count * self.config.surfaces
@@ -158,7 +164,7 @@ class RobotGraph:
     def rest_lengths(self, winch: Tensor) -> Tensor:
         """(E, K) rest lengths of the cable edges [m], from winch positions (W, K) [m]."""
         driven = torch.cat([winch, torch.zeros_like(winch[:1])])
-        return driven[self.cable_winch] + self.rest_offset
+        return self.ratio * driven[self.cable_winch] + self.rest_offset
 
     def _tensor(self, array: Floats) -> Tensor:
         return torch.as_tensor(array, dtype=torch.float32, device=self.device)
@@ -222,13 +228,13 @@ class RobotGraph:
         senders, receivers, rows = [], [], []
         weight = self._weight
         pace = np.sqrt(GRAVITY * self.robot.length)
-        for cable in self.robot.cables:
+        for cable, ratio in zip(self.robot.cables, self.robot.ratios, strict=True):
             a, b = (self._node_at(end) for end in cable.ends)
             senders += [a, b]
             receivers += [b, a]
             stiffness = np.log(max(cable.stiffness * self.robot.length / weight, 1e-6))
             damping = np.log(max(cable.damping * pace / weight, 1e-6))
-            rows += [[stiffness, damping, float(cable.winch >= 0)]] * 2
+            rows += [[stiffness, damping, ratio]] * 2
         return self._relation("cable", senders, receivers, standardised(np.array(rows)))
 
     def _contact_relation(self) -> Relation:
@@ -262,6 +268,8 @@ class RobotGraph:
         start = np.array([own.cables[w.cables[0]].rest_length for w in own.winches] + [0.0])
         rest = np.array([c.rest_length for c in robot.cables])[cable]
         self.cable_winch = self._index(np.where(drives < 0, len(robot.winches), drives))
-        self.rest_offset = self._tensor(np.where(drives < 0, rest, rest - start[drives])[:, None])
+        ratio = robot.ratios[cable]
+        self.ratio = self._tensor(ratio[:, None])
+        self.rest_offset = self._tensor((rest - ratio * start[drives])[:, None])
         member = (drives[None] == np.arange(len(robot.winches))[:, None]).astype(float)
         self.winch_average = self._tensor(member / member.sum(axis=1, keepdims=True))

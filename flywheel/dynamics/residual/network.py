@@ -68,14 +68,15 @@ class Layout:
             [
                 np.log(max(c.stiffness * L / weight, 1e-6)),
                 np.log(max(c.damping * self.units.speed / weight, 1e-6)),
-                float(c.winch >= 0),
+                ratio,
             ]
-            for c in robot.cables
+            for c, ratio in zip(robot.cables, robot.ratios, strict=True)
         ]
         self.cable_constants = _tensor(standardised(np.array(rows)))[self.cable]
         self.stiffness = _tensor([c.stiffness * L / weight for c in robot.cables])
         self.damping = _tensor([c.damping * self.units.speed / weight for c in robot.cables])
         self.winch = _index([c.winch for c in robot.cables])  # -1: the zero at the end
+        self.ratio = _tensor(robot.ratios)
         first = [robot.cables[w.cables[0]].rest_length for w in robot.winches]
         self.first_rest = _tensor(np.array(first) / L)
         self.rest = _tensor([c.rest_length / L for c in robot.cables])
@@ -199,11 +200,11 @@ def _loads(layout: Layout, knots: Knots, length: Tensor) -> tuple[Tensor, ...]:
     """Strain, tension, rest length, rest length against its nominal one, and command of each cable end."""
     out = torch.cat([knots.winch - layout.first_rest, torch.zeros_like(knots.winch[..., :1])], -1)
     told = torch.cat([knots.command, torch.zeros_like(knots.command[..., :1])], -1)
-    paid = out[..., layout.winch][..., layout.cable, None]
+    paid = (layout.ratio * out[..., layout.winch])[..., layout.cable, None]
     rest = layout.rest[layout.cable, None] + paid
     strain = length - rest
     tension = torch.asinh(layout.stiffness[layout.cable, None] * strain.clamp(min=0.0))
-    command = told[..., layout.winch][..., layout.cable, None]
+    command = (layout.ratio * told[..., layout.winch])[..., layout.cable, None]
     return strain, tension, rest, paid, command
 
 

@@ -12,6 +12,7 @@ from flywheel.dynamics.gnn import ChunkNetwork, NetworkConfig
 from flywheel.robots import Robot, load_robot
 from flywheel.terrain import Box
 from tests import draws
+from tests.antagonists import antagonists
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,8 @@ def fly(robot: Robot, seed: int, samples: int, steps: int, dt: float, spin: floa
 
 @pytest.fixture(scope="session")
 def robots() -> dict[str, Robot]:
-    return {name: load_robot(name) for name in ("prism3", "icosa6", "platform4")}
+    shipped = {name: load_robot(name) for name in ("prism3", "icosa6", "platform4")}
+    return shipped | {"pair": antagonists()}
 
 
 @pytest.fixture

@@ -39,6 +39,7 @@ CASES += [
     ("icosa6", "beside boxes"),
     ("icosa6", "lean"),
     ("platform4", "lean"),
+    ("pair", "lean"),
     ("platform4", "with cables between nodes"),
 ]
 

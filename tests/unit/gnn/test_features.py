@@ -70,6 +70,12 @@ def test_cables_from_the_world_end_at_anchors(robots):
     assert graph.anchors.shape == (3, len(fixed)) and len(fixed) == 4
 
 
+def test_axes_turn_with_robots_that_no_cable_holds_in_the_world(robots):
+    turning = {name: RobotGraph(robot, LEAN).turning for name, robot in robots.items()}
+    assert turning == {"prism3": True, "icosa6": True, "platform4": False, "pair": False}
+    assert not RobotGraph(robots["prism3"], NetworkConfig.lean(yaw_frame=False)).turning
+
+
 def test_a_body_without_a_tracked_point_is_refused(robots):
     robot = robots["prism3"]
     bare = dataclasses.replace(robot.bodies[0], points=())

@@ -9,6 +9,7 @@ import torch
 
 from flywheel.control import Mppi, MppiConfig
 from flywheel.dynamics.plant import Plant, RestartedPlant, with_effects
+from flywheel.dynamics.plant.roll import rest_lengths
 from flywheel.dynamics.residual import (
     Knots,
     Lookout,
@@ -28,6 +29,7 @@ from flywheel.records import Observation, State
 from flywheel.robots import load_robot
 from flywheel.rotations import about_axis, rotate
 from flywheel.tasks import TaskConfig, sample_task
+from tests.antagonists import antagonists
 from tests.unit.residual.cases import SMALL, model_of, moving, network_of, plant_of
 
 PRISM = load_robot("prism3")
@@ -124,7 +126,20 @@ def test_matrices_turn_as_quaternions_do():
 def shown_of(plant: Plant, state: State, controls) -> tuple[Knots, Lookout]:
     lookout = Lookout(RestartedPlant(plant), SMALL)
     motion = plant.simulate(state, controls)
-    return knots_of(PRISM, lookout.units, motion, lookout.every), lookout
+    return knots_of(plant.robot, lookout.units, motion, lookout.every), lookout
+
+
+def test_one_winch_strains_its_two_cables_in_opposite_ways():
+    robot = antagonists()
+    plant = Plant(robot)
+    state, network = plant.settle(1.0), network_of(robot, 0)
+    controls = np.full((1, round(SMALL.interval / plant.dt), 1), 0.1)
+    knots, _ = shown_of(plant, state, controls)
+    shown = features(network.layout, SMALL, knots, past=False)
+    after = plant.simulate(state, controls).states[:, -1]
+    lengths = robot.cable_lengths(after.qpos.reshape(1, -1, 7))
+    want = (lengths - rest_lengths(robot, plant.winch(after)))[0] / robot.length
+    np.testing.assert_allclose(shown.strain[0, -1, ::2], want, atol=1e-6)
 
 
 @pytest.mark.parametrize("cable", [0, 3])

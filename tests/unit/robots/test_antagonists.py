@@ -4,10 +4,12 @@ import re
 
 import numpy as np
 import pytest
+import torch
 
 from flywheel.data.recordings import read_recording, write_recording
 from flywheel.diagnosis.comparison import Subject, compare
-from flywheel.dynamics.gnn import ChunkNetwork, NetworkConfig
+from flywheel.dynamics.gnn import NetworkConfig
+from flywheel.dynamics.gnn.graph import RobotGraph
 from flywheel.dynamics.plant import Plant
 from flywheel.dynamics.plant.roll import rest_lengths
 from flywheel.effects import EFFECTS
@@ -15,54 +17,10 @@ from flywheel.errors import RobotError
 from flywheel.options import ComparisonOptions
 from flywheel.records import Episode, Observation, Provenance, Trajectory
 from flywheel.robots import Robot, read_robot
+from flywheel.truth_simulator import TruthSimulator
+from tests.antagonists import POSITION, antagonists
 
 NOISE = 2e-4  # [m]
-RATE = 'dyntype="integrator" ctrllimited="true" ctrlrange="-0.1 0.1"'
-POSITION = 'dyntype="filterexact" dynprm="0.05"'
-SPRING = (
-    'gainprm="900" biastype="affine" biasprm="0 -900 -9" forcelimited="true" forcerange="-300 0"'
-)
-ANCHORS = [
-    ("left", -2, 1),
-    ("right", 2, 1),
-    ("top", 0, 2.5),
-    ("front", 0.3, -0.5),
-    ("back", -0.3, -0.5),
-]
-
-
-def antagonists(dynamics: str = RATE, limit: str = "act") -> Robot:
-    """A box between a left and a right cable on one drum, held by three stays."""
-    sites = "".join(f'<site name="{name}" pos="{x} 0 {z}"/>' for name, x, z in ANCHORS)
-    stays = "".join(
-        f'<spatial name="{name}_stay" stiffness="200" damping="9" springlength="0 {rest}">'
-        f'<site site="{name}"/><site site="{end}"/></spatial>'
-        for name, end, rest in (("top", "up", 1.2), ("front", "e", 1.3), ("back", "w", 1.3))
-    )
-    return read_robot(f"""<mujoco model="pair"><option timestep="0.005" integrator="implicitfast"/>
-  <worldbody>{sites}
-    <body name="box" pos="0 0 1"><freejoint/>
-      <geom type="box" size=".2 .1 .1" mass="3"/>
-      <site name="w" pos="-.2 0 0"/><site name="e" pos=".2 0 0"/><site name="up" pos="0 .1 .1"/>
-    </body>
-  </worldbody>
-  <tendon>{stays}
-    <spatial name="l"><site site="left"/><site site="w"/></spatial>
-    <spatial name="r"><site site="right"/><site site="e"/></spatial>
-  </tendon>
-  <actuator>
-    <general name="in" tendon="l" {dynamics} {limit}limited="true" {limit}range="1.4 2" {SPRING}/>
-    <general name="out" tendon="r" {dynamics} {limit}limited="true" {limit}range="1.3 1.9" {SPRING}/>
-  </actuator>
-  <custom><tuple name="pair">
-    <element objtype="actuator" objname="in"/><element objtype="actuator" objname="out" prm="-1"/>
-  </tuple></custom>
-  <sensor>
-    <framepos name="m0" objtype="site" objname="w"/><framepos name="m1" objtype="site" objname="e"/>
-    <framepos name="m2" objtype="site" objname="up"/>
-  </sensor>
-  <keyframe><key qpos="0 0 1 1 0 0 0" act="1.7 1.6"/></keyframe>
-</mujoco>""")
 
 
 @pytest.mark.parametrize(
@@ -101,9 +59,17 @@ def test_a_log_has_one_column_for_both_and_its_model_is_noise_only(tmp_path):
     assert found.models[0].outcome == "NOISE_ONLY"
 
 
-def test_networks_and_effects_of_load_have_no_antagonists():
+def test_a_networks_cables_have_the_rest_lengths_of_the_plants():
+    robot = antagonists()
+    graph = RobotGraph(robot, NetworkConfig.lean())
+    winch, cable = np.array([[1.45], [1.9]]), graph.relations["cable"].origin // 2
+    found = graph.rest_lengths(torch.from_numpy(winch.T).float())
+    np.testing.assert_allclose(found.T, rest_lengths(robot, winch)[:, cable], atol=1e-6)
+
+
+def test_the_truth_simulator_and_effects_of_load_have_no_antagonists():
     with pytest.raises(RobotError, match="it has antagonists on one winch"):
-        ChunkNetwork(antagonists(), NetworkConfig.lean())
+        TruthSimulator(antagonists(), [])
     with pytest.raises(
         RobotError, match="torque_speed has no meaning on pair, whose winches drive"
     ):

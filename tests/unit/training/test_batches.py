@@ -69,6 +69,14 @@ def test_batches_split_at_the_present_and_stand_above_the_origin(train):
     np.testing.assert_allclose(shift[..., 2], 0.0, atol=1e-5)
 
 
+def test_batches_of_a_robot_that_cables_hold_in_the_world_stay_where_they_are(train):
+    windows = train.gather(train.starts(20)[:5], 20)
+    batch = to_batch(windows, 8, tethered=True)
+    np.testing.assert_allclose(batch.past_points, windows.points[:, :9], atol=1e-6)
+    np.testing.assert_allclose(batch.points[:, 2:], windows.points[:, 9:], atol=1e-6)
+    assert (batch.view.shift == 0).all()
+
+
 def test_a_missing_point_moves_the_origin_but_spoils_nothing_else(train):
     windows = train.gather(train.starts(20)[:5], 20)
     windows.points[0, 8, 2] = np.nan

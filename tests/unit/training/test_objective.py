@@ -4,6 +4,7 @@ import pytest
 import torch
 
 from flywheel.dynamics.gnn import ChunkNetwork, Simulator, fit_normalisation
+from flywheel.robots import Robot
 from flywheel.training.objective import Objective
 
 
@@ -56,6 +57,21 @@ def test_windows_are_turned_only_for_a_network_that_does_not_turn_by_itself(
         batches.append(Objective(config, config.initial, Simulator(robot, network), train).batch(3))
     torch.testing.assert_close(batches[0].points[..., 2], batches[1].points[..., 2])
     assert (batches[0].points - batches[1].points).abs().max() > 0.1
+
+
+def test_windows_of_a_robot_that_cables_hold_in_the_world_are_not_turned(
+    monkeypatch, robot, train, network_config, make_config
+):
+    network = network_config.model_copy(update={"yaw_frame": False})
+    for tethered in (False, True):
+        monkeypatch.setattr(Robot, "tethered", tethered)
+        config = make_config(symmetries=False)
+        plain = make_config(symmetries=False, yaw_augmentation=False)
+        seen, given = (
+            Objective(each, each.initial, Simulator(replace(robot), network), train).batch(3).points
+            for each in (config, plain)
+        )
+        assert torch.equal(seen, given) == tethered
 
 
 def test_noise_is_in_the_past_alone(objective):
