@@ -1,5 +1,6 @@
 """Control: controllers, and the closed loop around them."""
 
+from flywheel.control.astar import AStar
 from flywheel.control.closed_loop import record_episode
 from flywheel.control.gaits import Gait
 from flywheel.control.mppi import Mppi
@@ -14,10 +15,12 @@ CONTROLLERS = {
     "random": RandomControls,
     "gait": Gait,
     "mppi": Mppi,
+    "astar": AStar,
 }
 
 __all__ = [
     "CONTROLLERS",
+    "AStar",
     "Command",
     "Controller",
     "Gait",

@@ -74,6 +74,9 @@ class Gait:
       variation: largest random deviation of a target's lengths, drawn for every target [-]. Without
         it, two gaits from the same start are the same motion.
 
+    Attributes:
+      points: (P, 3) where each cap was last seen [m]; NaN before.
+
     Raises:
       ConfigError: unknown gait, or another kind of robot.
     """
@@ -101,7 +104,7 @@ class Gait:
         self._index = 0
         self._rng = np.random.default_rng(seed)
         self._side = SIDES[0, 2, 5]
-        self._points = np.full((len(self.robot.points), 3), np.nan)
+        self.points = np.full((len(self.robot.points), 3), np.nan)
         self._reach: Reach | None = None
 
     @property
@@ -109,17 +112,24 @@ class Gait:
         """True when all cycles are complete and the robot is back at rest."""
         return self._last < self._index and (self._reach is None or self._reach.finished)
 
+    @property
+    def begins_cycle(self) -> bool:
+        """True when the next command is the first one of a cycle."""
+        waits = self._reach is not None and self._reach.finished
+        within = (self._index - 1) % len(self.pattern.targets)
+        return waits and within == 0 and self._index != self._last
+
     def act(self, past: Past) -> Command:
         """The command for one control step; winches hold until every cap was seen once."""
         seen = past.observations.points[0, -1]
-        self._points = np.where(np.isfinite(seen), seen, self._points)
+        self.points = np.where(np.isfinite(seen), seen, self.points)
         rest = past.winch[0, -1]
-        if self.finished or not np.isfinite(self._points).all():
+        if self.finished or not np.isfinite(self.points).all():
             return Command(self.robot.holding(rest)[None])
         if self._reach is None or self._reach.finished:
             self._reach = self._next()
         first, second = np.transpose(PAIRS)
-        lengths = np.linalg.norm(self._points[first] - self._points[second], axis=1)
+        lengths = np.linalg.norm(self.points[first] - self.points[second], axis=1)
         return Command(self._reach.command(lengths, rest)[None])
 
     @property
@@ -134,7 +144,7 @@ class Gait:
         if step == 0 or step == self._last:
             return self._reach_for(np.array(REST))
         if in_cycle == 0:
-            down = tuple(sorted(int(i) for i in np.argsort(self._points[:, 2])[:3]))
+            down = tuple(sorted(int(i) for i in np.argsort(self.points[:, 2])[:3]))
             self._side = SIDES.get(down, self._side)
         return self._reach_for(np.array(self.pattern.targets[in_cycle])[list(self._side)])
 

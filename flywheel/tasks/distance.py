@@ -31,6 +31,10 @@ class StraightLine:
         """Distance (...) from places (..., 2) to the goal [m]."""
         return np.linalg.norm(places - self.goal, axis=-1)
 
+    def astray(self, places: Floats) -> Floats:
+        """Zeros (...): a path leads from everywhere."""
+        return np.zeros(places.shape[:-1])
+
 
 @dataclass(frozen=True)
 class Grid:
@@ -40,14 +44,13 @@ class Grid:
       origin: (2,) place [m] of the corner [0, 0].
       cell: side of a cell [m].
       values: (X, Y) distances at the corners [m].
-      reachable: (X, Y) corners with a path to the goal; the values at the others lead to the
-        nearest of them.
+      apart: (X, Y) distances to the nearest corner with a path to the goal [m]; `values` lead there.
     """
 
     origin: Floats
     cell: float
     values: Floats
-    reachable: NDArray[np.bool_]
+    apart: Floats
 
     def __call__(self, places: Floats) -> Floats:
         """Distance (...) from places (..., 2) to the goal [m].
@@ -67,9 +70,13 @@ class Grid:
 
     def reaches(self, place: Floats) -> bool:
         """True if a path leads to the goal from the corner nearest to `place` (2,)."""
-        corner = np.rint((place - self.origin) / self.cell).astype(int)
+        return bool(self.astray(place) == 0.0)
+
+    def astray(self, places: Floats) -> Floats:
+        """Distance (...) to a path, from the corners nearest to places (..., 2) [m]; 0 on paths."""
+        corner = np.rint((places - self.origin) / self.cell).astype(int)
         corner = np.clip(corner, 0, np.array(self.values.shape) - 1)
-        return bool(self.reachable[tuple(corner)])
+        return self.apart[corner[..., 0], corner[..., 1]]
 
 
 def grid_around(
@@ -109,7 +116,9 @@ def grid_around(
             "the goal or the obstacle, or lower the clearance."
         )
     values = shortest_ways(~blocked, (int(start[0]), int(start[1])), moves) * cell
-    return Grid(origin, cell, _leading_out(values, cell), np.isfinite(values))
+    steps, nearest = distance_transform_edt(~np.isfinite(values), return_indices=True)
+    apart = steps * cell
+    return Grid(origin, cell, values[tuple(nearest)] + apart, apart)
 
 
 def near_boxes(places: Floats, boxes: Sequence[Box], clearance: float) -> NDArray[np.bool_]:
@@ -157,12 +166,6 @@ def _shifted(dx: int, dy: int) -> tuple[slice, slice]:
 def _beside(dx: int, dy: int, *, first: bool) -> tuple[slice, slice]:
     """The corners next to a diagonal move: one step along x, or one along y."""
     return (_span(-dx), _span(dy)) if first else (_span(dx), _span(-dy))
-
-
-def _leading_out(values: Floats, cell: float) -> Floats:
-    """Fill unreachable corners with the distance at the nearest reachable one plus the way to it."""
-    steps, nearest = distance_transform_edt(~np.isfinite(values), return_indices=True)
-    return values[tuple(nearest)] + steps * cell
 
 
 def _xy(place: Floats) -> str:

@@ -19,6 +19,10 @@ class Distance(Protocol):
         """Distance (...) from places (..., 2) on the ground to the goal [m]."""
         ...
 
+    def astray(self, places: Floats) -> Floats:
+        """Distance (...) from places (..., 2) to the nearest path that keeps clear of obstacles [m]."""
+        ...
+
 
 class Cost(Protocol):
     """One term of a cost. Terms are summed; an empty cost is 0."""

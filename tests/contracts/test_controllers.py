@@ -22,6 +22,7 @@ BUILD: dict[str, Callable[[], Controller]] = {
     "random": lambda: CONTROLLERS["random"](ROBOT, DT),
     "gait": lambda: CONTROLLERS["gait"](ROBOT, "roll", DT),
     "mppi": lambda: CONTROLLERS["mppi"](PlantDynamics(PLANT), FEW),
+    "astar": lambda: CONTROLLERS["astar"](PlantDynamics(PLANT)),
 }
 DRAWN = {"random", "mppi"}  # those that leave something to chance
 

@@ -40,7 +40,7 @@ from flywheel.runtime.config.run_config import (
 from flywheel.runtime.pool.progress import Stage
 from flywheel.runtime.run.folder import RunFolder
 from flywheel.runtime.stages.video import scenery_of
-from flywheel.runtime.workers.episode_plan import ORACLE, Effects, EpisodePlan
+from flywheel.runtime.workers.episode_plan import ASTAR, ORACLE, Effects, EpisodePlan
 from flywheel.runtime.workers.episode_recorder import EpisodeRecorder, RobotRecorder
 from flywheel.runtime.workers.model_weights import TrainedModel, Weights
 from flywheel.tasks import Task
@@ -98,6 +98,7 @@ class PlantDriver(_Driver):
       model: "champion", "oracle", "shipped", a baseline, an iteration of the run, or a file of weights.
       hidden: true effects of the plant instead of the known ones, see `hidden_effects`; it is then
         simulated in shorter steps, too.
+      controller: "mppi", or "astar", which needs the model "oracle".
 
     Raises:
       ConfigError: these settings cannot be driven.
@@ -109,8 +110,14 @@ class PlantDriver(_Driver):
         overrides: tuple[str, ...] = (),
         model: str = CHAMPION,
         hidden: tuple[str, ...] = (),
+        controller: str = "mppi",
     ) -> None:
+        if controller == ASTAR and model != ORACLE:
+            raise ConfigError(
+                f"A* measures gaits on the plant itself: it needs --model {ORACLE}, got {model!r}."
+            )
         super().__init__(source, overrides, model)
+        self._controller = controller
         self._recorder = EpisodeRecorder(self.config, self.robot)
         self._dynamics, self._digest = network_of(source, self.config, self.robot, model)
         library = self.config.library(EFFECTS)
@@ -125,11 +132,13 @@ class PlantDriver(_Driver):
             terrain=self.config.terrain.kinds,
             hidden=tuple(_written(effect) for effect in self._hidden or ()),
             fineness=self.plan(0).fineness,
+            controller=self._controller,
         )
 
     def plan(self, seed: int) -> EpisodePlan:
         """The plan of one episode."""
-        controller = ORACLE if self.model == ORACLE else "mppi"
+        mppi = ORACLE if self.model == ORACLE else "mppi"
+        controller = mppi if self._controller == "mppi" else self._controller
         plan = self._plan(f"navigate-{Path(self.model).stem}", controller, "test", seed)
         return replace(plan, hidden=self._hidden)
 
@@ -354,7 +363,9 @@ def _line(
     """A drive as a line of the results, given `time.process_time()` before it [s]."""
     assert walk is not None and task is not None, "an episode to a goal has both"
     took = time.process_time() - begun
-    middle, late = np.quantile(episode.telemetry.get("plan_seconds", np.zeros(1)), [0.5, 0.95])
+    planned = episode.telemetry.get("plan_seconds", np.zeros(1))
+    planned = planned[planned > 0] if planned.any() else planned  # A* plans at some commands only
+    middle, late = np.quantile(planned, [0.5, 0.95])
     return DriveLine(
         setting=setting,
         seed=walk.seed,

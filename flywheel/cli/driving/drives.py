@@ -29,6 +29,7 @@ class Setting(ResultRecord):
       robot, task, course: names; "" for no course.
       terrain: kinds of drawn ground; none for the plane.
       model: "champion", "oracle", or an iteration.
+      controller: "mppi" or "astar".
       digest: of its weights; "" for the oracle.
       effects: known effects of the plant, beyond the MJCF.
       hidden: its true effects; none if they are the same.
@@ -44,6 +45,7 @@ class Setting(ResultRecord):
     course: str = ""
     terrain: tuple[str, ...] = ()
     model: str
+    controller: str = "mppi"
     digest: str = ""
     effects: tuple[str, ...] = ()
     hidden: tuple[str, ...] = ()
@@ -147,7 +149,7 @@ def _row(drives: Sequence[DriveLine]) -> list[object]:
     interval = success_interval(count.reached, count.total, method="exact")
     middle, late = np.median([drive.plan_seconds for drive in drives], axis=0)
     return [
-        f"{setting.model} {setting.digest[:8]}".strip(),
+        _who(setting),
         where_of(setting),
         ", ".join(setting.hidden) or None,
         f"{count.reached} of {count.total}",
@@ -160,6 +162,12 @@ def _row(drives: Sequence[DriveLine]) -> list[object]:
     ]
 
 
+def _who(setting: Setting) -> str:
+    """The controller unless it is MPPI, and its model."""
+    controller = "" if setting.controller == "mppi" else f"{setting.controller}, "
+    return f"{controller}{setting.model} {setting.digest[:8]}".strip()
+
+
 def where_of(setting: Setting) -> str:
     """The course or the task, and uneven ground."""
     ground = f" on {', '.join(setting.terrain)}" if setting.terrain else ""
@@ -169,4 +177,4 @@ def where_of(setting: Setting) -> str:
 def _title(setting: Setting) -> str:
     told = f", told {', '.join(setting.effects)}" if setting.effects else ""
     hidden = f", hidden {', '.join(setting.hidden)}" if setting.hidden else ""
-    return f"{setting.model} {setting.digest[:8]}, {where_of(setting)}{told}{hidden}"
+    return f"{_who(setting)}, {where_of(setting)}{told}{hidden}"

@@ -1,8 +1,9 @@
-"""`flywheel navigate`: MPPI episodes to goals on the plant, with a video."""
+"""`flywheel navigate`: episodes to goals on the plant, with a video."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -18,6 +19,14 @@ if TYPE_CHECKING:
     from flywheel.records import Episode
     from flywheel.runtime.pool.progress import Progress
 
+
+class Planner(StrEnum):
+    """Controllers that go to goals."""
+
+    mppi = "mppi"
+    astar = "astar"
+
+
 SourceArgument = Annotated[
     str,
     typer.Argument(
@@ -30,6 +39,12 @@ ModelOption = Annotated[
     typer.Option(
         help="champion, an iteration's number, shipped (the network that comes with Flywheel), oracle "
         "(the plant itself), a baseline (flywheel list models), or a file of weights."
+    ),
+]
+ControllerOption = Annotated[
+    Planner,
+    typer.Option(
+        help="mppi, or astar (prism3): a search for gait cycles that are measured on --model oracle."
     ),
 ]
 SeedOption = Annotated[
@@ -76,6 +91,7 @@ def navigate(
     source: SourceArgument,
     overrides: Overrides = None,
     model: ModelOption = CHAMPION,
+    controller: ControllerOption = Planner.mppi,
     seed: SeedOption = 0,
     episodes: EpisodesOption = 1,
     hidden: HiddenOption = None,
@@ -86,13 +102,13 @@ def navigate(
     picture: PictureOption = None,
     logs: LogsOption = None,
 ) -> None:
-    """Drive to goals with MPPI, and make a video.
+    """Drive to goals with MPPI or A*, and make a video.
 
     [bold]Examples[/bold]
 
     flywheel navigate runs/prism3 --seed 7 --watch
 
-    flywheel navigate prism3 --model oracle
+    flywheel navigate prism3 --model oracle --controller astar
 
     flywheel navigate runs/s_course task.course=maze --episodes 10 --results maze.jsonl --picture maze.png
 
@@ -108,7 +124,7 @@ def navigate(
     video = (video or Path(f"navigate-{file_name(model)}-{seed}.mp4")) if film else None
     outputs = {"results": results, "picture": picture, "video": video}
     place = checked_source(source, outputs, logs)
-    driver = PlantDriver(place, tuple(overrides or ()), model, tuple(hidden or ()))
+    driver = PlantDriver(place, tuple(overrides or ()), model, tuple(hidden or ()), controller)
     there = read_drives(results) if results else []
     driven = {drive.seed for drive in there if drive.setting == driver.setting}
     seeds = range(seed, seed + episodes)

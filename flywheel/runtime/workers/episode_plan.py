@@ -21,6 +21,7 @@ from flywheel.runtime.config.run_config import RunConfig
 
 GAITS = ("roll", "cw", "ccw")
 ORACLE = "oracle"
+ASTAR = "astar"
 FIRST = "first"  # recordings on a robot
 # Divides the time step of icosa6, 5 ms, to about 1 ms, below which contacts hardly change any more.
 STAND_IN_FINENESS = 4
@@ -33,7 +34,7 @@ class EpisodePlan:
 
     Attributes:
       id: of the episode ("i0001-mppi-collect-0003").
-      controller: "gait:roll", "random", "drop", "throw", "mppi" or "oracle".
+      controller: "gait:roll", "random", "drop", "throw", "mppi", "oracle" or "astar".
       iteration: of the episode; -1 for the oracle's.
       split: fixed here, before anything is known about the episode.
       seconds: longest duration [s].

@@ -9,6 +9,7 @@ import numpy as np
 
 from flywheel import __version__
 from flywheel.control import (
+    AStar,
     Controller,
     Hold,
     Mppi,
@@ -31,7 +32,7 @@ from flywheel.results import Walk
 from flywheel.robot_link import RobotLink
 from flywheel.robots import Robot, draw_terrain
 from flywheel.runtime.config.run_config import RunConfig, config_digest
-from flywheel.runtime.workers.episode_plan import ORACLE, Effects, EpisodePlan
+from flywheel.runtime.workers.episode_plan import ASTAR, ORACLE, Effects, EpisodePlan
 from flywheel.tasks import Task, TaskConfig, sample_task
 from flywheel.terrain import Terrain, is_level, with_boxes
 
@@ -105,7 +106,7 @@ class _Recorder:
 
         Args:
           plan: of the episode.
-          dynamics: for MPPI; None without planning.
+          dynamics: for MPPI, and the plant for A*; None without planning.
           model: digest of its weights, or "".
         """
         kind, _, gait = plan.controller.partition(":")
@@ -116,6 +117,9 @@ class _Recorder:
             return RandomControls(self.robot, dt)
         if kind in ("drop", "throw"):
             return Hold(self.robot, dt)
+        if kind == ASTAR:
+            assert isinstance(dynamics, PlantDynamics), "gaits are measured on a plant"
+            return AStar(dynamics, plan.controller)
         assert dynamics is not None, "MPPI plans with a model"
         search = self.config.mppi
         if plan.samples is not None:
@@ -228,7 +232,7 @@ class EpisodeRecorder(_Recorder):
         plant = self.plant(
             plan.dataset, plan.plant_effects, task, self.terrain(plan), plan.fineness
         )
-        if plan.controller == ORACLE:
+        if plan.controller in (ORACLE, ASTAR):
             dynamics = PlantDynamics(plant)
 
         def told(piece: Piece) -> None:

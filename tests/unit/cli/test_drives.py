@@ -50,11 +50,14 @@ def test_what_is_added_is_read_and_a_damaged_line_is_named(tmp_path):
 def test_the_table_counts_each_setting_apart():
     console = Console(width=200, record=True, file=io.StringIO())
     drives = [drive(s, reached=s > 0) for s in range(4)] + [drive(0, "oracle")]
+    with_astar = drives[-1].setting.model_copy(update={"controller": "astar"})
+    drives.append(drives[-1].model_copy(update={"setting": with_astar}))
     console.print(drive_table(drives))
     text = console.export_text()
     assert "3 of 4" in text
     assert "19-99 %" in text  # Clopper and Pearson's
     assert "1 of 1" in text
+    assert "astar, oracle" in text
     assert "12" in text  # median of 11, 12, 13 s
 
 
@@ -65,6 +68,21 @@ def test_the_picture_has_a_part_for_each_setting(tmp_path):
     without = drive(0).model_copy(update={"walk": drive(0).walk.model_copy(update={"path": ()})})
     with pytest.raises(DataError, match="path to draw"):
         drive_picture([without], path)
+
+
+def test_a_star_goes_by_the_plant_alone_and_has_its_own_lines(tmp_path):
+    results = tmp_path / "results.jsonl"
+    words = ["navigate", "smoke", "task.seconds=0.3", "--no-film", "--results", str(results)]
+
+    def ask(*more: str) -> str:
+        done = CliRunner().invoke(app, [*words, "--controller", "astar", *more])
+        assert done.exit_code == (0 if "oracle" in more else 2), done.output
+        return done.output
+
+    assert "needs --model oracle, got 'champion'" in ask().replace("\n", " ")
+    ask("--model", "oracle")
+    (line,) = read_drives(results)
+    assert (line.setting.controller, line.setting.model) == ("astar", "oracle")
 
 
 @pytest.mark.slow

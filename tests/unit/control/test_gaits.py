@@ -165,6 +165,16 @@ def test_targets_follow_each_other_as_the_robot_lies(name: str, down: tuple[int,
     np.testing.assert_array_equal(np.sign(found[1:]), expected)
 
 
+def test_a_cycle_begins_after_rest_and_after_the_cycle_before_it() -> None:
+    for cycles, count in ((None, 4), (2, 2)):
+        gait, begins = Gait(ROBOT, "cw", dt=PATIENCE, cycles=cycles), []
+        seen = past(caps(between(0.5, gait.pattern)), taut(gait.pattern))
+        for _ in range(12):  # a target in each step; a cycle has three
+            begins.append(gait.begins_cycle)
+            gait.act(seen)
+        assert np.flatnonzero(begins).tolist() == [1, 4, 7, 10][:count]
+
+
 def test_a_side_is_taken_for_a_whole_cycle_and_kept_where_the_robot_lies_on_none() -> None:
     gait = Gait(ROBOT, "cw", dt=PATIENCE)
     first, other = (0, 2, 5), (0, 3, 4)

@@ -134,6 +134,9 @@ def test_an_enclosed_place_reaches_nothing_but_has_a_finite_distance() -> None:
     assert not grid.reaches(np.zeros(2))
     assert grid.reaches(np.array([-3.0, 0.0]))
     assert np.isfinite(grid(np.zeros(2)))
+    places = np.array([[-3.0, 0.0], [0.0, 0.0], [1.0, 0.0], [1.11, 0.0], [1.31, 0.0], [99.0, 0.0]])
+    np.testing.assert_allclose(grid.astray(places), [0.0, 1.2, 0.2, 0.1, 0.0, 0.0], atol=1e-9)
+    assert not StraightLine(goal).astray(places).any()
 
 
 def test_paths_lead_around_turned_walls_over_ramps_and_under_ceilings() -> None:
