@@ -50,7 +50,7 @@ class EpisodeRow:
 
     Attributes:
       run, seed: name of the run of the model, and its seed.
-      model: name of the iteration, "champion", or "oracle" (MPPI that knows the plant).
+      model: name of the iteration, "champion", "oracle" (MPPI that knows the plant), or "astar".
       digest: the first digits of that of its weights, or "".
       where: the course, or the task, and uneven ground.
       told: known effects of the plant, beyond its MJCF.
@@ -123,7 +123,7 @@ def driven_episodes(run: str, seed: int, drives: Sequence[DriveLine]) -> Iterato
         yield EpisodeRow(
             run=run,
             seed=seed,
-            model=setting.model,
+            model=setting.model if setting.controller == "mppi" else setting.controller,
             digest=setting.digest[:8],
             where=where_of(setting),
             told=", ".join(setting.effects),

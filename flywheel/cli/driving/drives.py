@@ -34,7 +34,7 @@ class Setting(ResultRecord):
       effects: known effects of the plant, beyond the MJCF.
       hidden: its true effects; none if they are the same.
       fineness: ratio of the MJCF's time step to the plant's.
-      samples, horizon_seconds: of the planner.
+      samples, horizon_seconds: of MPPI.
       threads: of the planner.
       config: digest of the configuration.
       link: to the robot, with the sensors of a stand-in; "" for a plant.

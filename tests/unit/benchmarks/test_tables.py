@@ -13,10 +13,13 @@ from benchmarks import tables
 from benchmarks.demo import DemoResult, DemoRow
 from benchmarks.diagnosis.case_result import CaseResult, Named
 from benchmarks.diagnosis.case_row import CaseRow
+from benchmarks.navigation import driven_episodes
 from benchmarks.robot import DriveRow, ErrorRow
 from benchmarks.rows import read_rows, write_rows
 from benchmarks.tables import BLOCK, PAGES, TABLES, with_tables
+from flywheel.cli.driving.drives import DriveLine, Setting
 from flywheel.errors import UnknownNameError
+from flywheel.results import Walk
 
 ROOT = Path(__file__).parents[3]
 
@@ -38,6 +41,20 @@ def test_a_table_has_rows_as_long_as_its_head(name: str) -> None:
         head, rule, *rows = table.splitlines()
         assert rows and set(rule) == set("|-")
         assert {row.count("|") for row in rows} == {head.count("|")}
+
+
+@pytest.mark.parametrize(("controller", "model"), [("mppi", "oracle"), ("astar", "astar")])
+def test_only_mppi_on_the_plant_is_called_the_oracle(controller: str, model: str) -> None:
+    setting = Setting(
+        robot="prism3", task="reach", model="oracle", controller=controller, samples=48,
+        horizon_seconds=3.0, threads=1, config="c",
+    )  # fmt: skip
+    walk = Walk(path=(), goal=(1, 2), reached=True, seconds=9.0, distance=0.3, seed=0)
+    drive = DriveLine(
+        setting=setting, seed=0, walk=walk, seconds_allowed=60, tolerance=0.5,
+        plan_seconds=(0.4, 0.5), cpu_seconds=20.0,
+    )  # fmt: skip
+    assert [row.model for row in driven_episodes("run", 0, [drive])] == [model]
 
 
 def test_runs_on_a_robot_that_were_collected_before_stay(tmp_path, monkeypatch):
