@@ -26,9 +26,12 @@ from torch import nn
 from flywheel.errors import ModelError
 from flywheel.files import opened, read_json, shown
 from flywheel.outputs import write_output
+from flywheel.robots import Robot
 from flywheel.validation import first_problem
 
 Arrays = dict[str, np.ndarray]
+Kinds = Mapping[str, type | tuple[type, ...]]
+FORMAT = 1  # of a `StoredModel`
 _DAMAGED = (  # raised by a broken archive
     ValueError,
     OSError,
@@ -103,10 +106,8 @@ def read_side_file(path: Path | str) -> dict[str, Any]:
     return about
 
 
-def checked_side_file(
-    path: Path | str, format: int, kinds: Mapping[str, type | tuple[type, ...]]
-) -> dict[str, Any]:
-    """The same, checked for this format, with values of these types.
+def checked_side_file(path: Path | str, format: int, kinds: Kinds) -> dict[str, Any]:
+    """The same, checked for this format, with a digest, a robot and values of these types.
 
     Raises:
       ModelError: it differs.
@@ -117,11 +118,65 @@ def checked_side_file(
             f"{side} has format {shown(about['format'])}; this version reads format {format}. "
             "Train the network again, or read it with the version of this project that wrote it."
         )
-    for name, kind in kinds.items():
+    for name, kind in {"digest": str, "robot": str, **kinds}.items():
         if not isinstance(about.get(name), kind):
             got = shown(about[name]) if name in about else "nothing"
             raise ModelError(f"{side} does not describe weights: {name} is {got}.")
     return about
+
+
+def side_file_of(path: Path | str, robot: Robot, format: int, kinds: Kinds) -> dict[str, Any]:
+    """The same, of a robot.
+
+    Raises:
+      ModelError: it differs, or is for another robot.
+    """
+    about = checked_side_file(path, format, kinds)
+    if about["robot"] != robot.digest:
+        raise ModelError(
+            f"{Path(path).name} was trained for another robot (digest {about['robot'][:12]}), not for "
+            f"{robot.name} ({robot.digest[:12]}). Train it again for this robot, or load the MJCF that it "
+            "belongs to."
+        )
+    return about
+
+
+@dataclass(frozen=True)
+class StoredModel:
+    """A model in its stored form, also for other processes.
+
+    Attributes:
+      robot: digest of its MJCF.
+      arrays: its numbers, by name.
+    """
+
+    robot: str
+    arrays: Arrays
+
+    @property
+    def head(self) -> dict[str, Any]:
+        """Its identity except for the arrays, in JSON form."""
+        raise NotImplementedError
+
+    @property
+    def digest(self) -> str:
+        """Sha256 of its identity and every array."""
+        return digest_of(self.head, sorted(self.arrays.items()))
+
+    def write(self, path: Path | str, notes: Mapping[str, Any] | None = None) -> str:
+        """Write the arrays to `path` and their description next to it (.json); return their digest.
+
+        Args:
+          path: of the file.
+          notes: about the training, for people.
+
+        Raises:
+          ModelError: the name ends in .json, like that of the side file.
+        """
+        digest = self.digest
+        about = {**self.head, "format": FORMAT, "digest": digest, "notes": dict(notes or {})}
+        write_arrays(Path(path), self.arrays, about)
+        return digest
 
 
 @contextmanager

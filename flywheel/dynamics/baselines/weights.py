@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -13,13 +13,14 @@ from flywheel.dynamics.arithmetic import Arithmetic
 from flywheel.dynamics.baselines.engine import RigidBodyEngine
 from flywheel.dynamics.baselines.linear import LinearDynamics
 from flywheel.dynamics.weight_files import (
+    FORMAT,
+    Kinds,
+    StoredModel,
     Wanted,
-    checked_side_file,
-    digest_of,
     read_arrays,
     read_side_file,
     reading,
-    write_arrays,
+    side_file_of,
 )
 from flywheel.effects import NAMED, Effect
 from flywheel.errors import ModelError
@@ -29,62 +30,32 @@ from flywheel.robots import Robot
 
 FitModel = LinearDynamics | RigidBodyEngine
 FITTED: dict[str, Any] = {kind.kind: kind for kind in (LinearDynamics, RigidBodyEngine)}
-_FORMAT = 1
-_ABOUT: dict[str, type | tuple[type, ...]] = {
-    "digest": str,
-    "robot": str,
-    "kind": str,
-    "dt": (int, float),
-    "config": dict,
-}
+_ABOUT: Kinds = {"kind": str, "dt": (int, float), "config": dict}
 
 
 @dataclass(frozen=True)
-class BaselineWeights:
-    """A fitted baseline in its stored form, also for other processes.
+class BaselineWeights(StoredModel):
+    """A fitted baseline in its stored form; the arrays are the fitted numbers.
 
     Attributes:
-      robot: digest of its MJCF.
       kind: name in `FITTED`.
       dt: control step [s].
       config: settings of the kind.
-      arrays: the fitted numbers, by name.
     """
 
-    robot: str
     kind: str
     dt: float
     config: dict[str, Any]
-    arrays: dict[str, np.ndarray]
 
     @classmethod
     def of(cls, model: FitModel) -> Self:
         """The numbers of a model."""
         config = model.config.model_dump(mode="json")
-        return cls(model.robot.digest, model.kind, model.dt, config, model.arrays)
+        return cls(model.robot.digest, model.arrays, model.kind, model.dt, config)
 
     @property
-    def digest(self) -> str:
-        """Sha256 of robot, kind, settings and every number."""
-        return digest_of(self._head, sorted(self.arrays.items()))
-
-    @property
-    def _head(self) -> dict[str, Any]:
+    def head(self) -> dict[str, Any]:
         return {"kind": self.kind, "robot": self.robot, "dt": self.dt, "config": self.config}
-
-    def write(self, path: Path | str, notes: Mapping[str, Any] | None = None) -> str:
-        """Write the numbers to `path` and their description next to it (.json); return their digest.
-
-        Args:
-          path: of the file.
-          notes: about the fit, for people.
-
-        Raises:
-          ModelError: the name ends in .json, like that of the side file.
-        """
-        about = {**self._head, "format": _FORMAT, "digest": self.digest, "notes": dict(notes or {})}
-        write_arrays(Path(path), self.arrays, about)
-        return self.digest
 
     @classmethod
     def read(cls, path: Path | str, robot: Robot) -> Self:
@@ -94,12 +65,7 @@ class BaselineWeights:
           ModelError: the file is missing or damaged, or for another robot.
         """
         path = Path(path)
-        about = checked_side_file(path, _FORMAT, _ABOUT)
-        if about["robot"] != robot.digest:
-            raise ModelError(
-                f"{path.name} was fitted to another robot (digest {about['robot'][:12]}), not to "
-                f"{robot.name} ({robot.digest[:12]})."
-            )
+        about = side_file_of(path, robot, FORMAT, _ABOUT)
         model = lookup(FITTED, about["kind"], "baseline")
         dt = CONTROL_STEP.check(about["dt"], f"The control step in {path.name}", ModelError)
         with reading(path):
@@ -108,9 +74,9 @@ class BaselineWeights:
                 name: Wanted(shape, np.dtype(np.float64))
                 for name, shape in model.shapes(robot, config).items()
             }
-            found = cls(robot.digest, about["kind"], dt, config.model_dump(mode="json"), {})
-            arrays = read_arrays(path, wanted, found._head, about["digest"])
-        return cls(found.robot, found.kind, found.dt, found.config, arrays)
+            found = cls(robot.digest, {}, about["kind"], dt, config.model_dump(mode="json"))
+            arrays = read_arrays(path, wanted, found.head, about["digest"])
+        return replace(found, arrays=arrays)
 
     def dynamics(
         self,

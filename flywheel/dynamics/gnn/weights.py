@@ -17,13 +17,14 @@ from flywheel.dynamics.weight_files import (
     digest_of,
     read_arrays,
     reading,
+    side_file_of,
     write_arrays,
 )
 from flywheel.errors import ModelError
 from flywheel.robots import Robot
 
 _FORMAT = 3  # 1: cables between nodes; 2: nodes without loads
-_ABOUT = {"digest": str, "robot": str, "config": dict}
+_ABOUT = {"config": dict}
 _DEEPEST = 1000  # layers, or rounds
 _NARROW = (4, 5)  # widths
 
@@ -108,13 +109,7 @@ def load_weights(path: Path | str, robot: Robot) -> ChunkNetwork:
     Raises:
       ModelError: weights are missing, damaged, or for another robot.
     """
-    path, about = Path(path), read_about(path)
-    if about["robot"] != robot.digest:
-        raise ModelError(
-            f"The weights {path.name} were trained for another robot (digest "
-            f"{about['robot'][:12]}), not for {robot.name} ({robot.digest[:12]}). Train a "
-            "network for this robot, or load the MJCF that the weights belong to."
-        )
+    path, about = Path(path), side_file_of(path, robot, _FORMAT, _ABOUT)
     with reading(path):
         config = NetworkConfig.model_validate(about["config"])
         wanted = wanted_arrays(robot, config)

@@ -17,14 +17,15 @@ from flywheel.dynamics.residual.config import ResidualConfig
 from flywheel.dynamics.residual.model import ResidualDynamics
 from flywheel.dynamics.residual.network import ResidualNetwork
 from flywheel.dynamics.weight_files import (
+    FORMAT,
+    Kinds,
+    StoredModel,
     Wanted,
     arrays_of,
-    checked_side_file,
-    digest_of,
     read_arrays,
     read_side_file,
     reading,
-    write_arrays,
+    side_file_of,
 )
 from flywheel.effects import NAMED, Effect, Terms, WrittenTerm
 from flywheel.effects.adopted import MOST_EFFECTS
@@ -34,14 +35,7 @@ from flywheel.robots import Robot
 from flywheel.validation import Frozen
 
 KIND = "residual"
-_FORMAT = 1
-_ABOUT: dict[str, type | tuple[type, ...]] = {
-    "digest": str,
-    "robot": str,
-    "corrected": dict,
-    "config": dict,
-    "share": (int, float),
-}
+_ABOUT: Kinds = {"corrected": dict, "config": dict, "share": (int, float)}
 
 
 class CorrectedPlant(Frozen):
@@ -82,41 +76,32 @@ class CorrectedPlant(Frozen):
 
 
 @dataclass(frozen=True)
-class ResidualWeights:
-    """A corrected plant in its stored form, also for other processes.
+class ResidualWeights(StoredModel):
+    """A corrected plant in its stored form; the arrays are the network's.
 
     Attributes:
-      robot: digest of its MJCF.
       corrected: the plant.
       config: shape of the network.
       share: applied fraction of the correction.
-      arrays: of the network, by name.
     """
 
-    robot: str
     corrected: CorrectedPlant
     config: ResidualConfig
     share: float
-    arrays: dict[str, np.ndarray]
 
     @classmethod
     def of(cls, model: ResidualDynamics) -> Self:
         """The weights of a model."""
         return cls(
             model.robot.digest,
+            arrays_of(model.network),
             CorrectedPlant.of(model.plant),
             model.network.config,
             model.share,
-            arrays_of(model.network),
         )
 
     @property
-    def digest(self) -> str:
-        """Sha256 of robot, plant, configuration and every array."""
-        return digest_of(self._head, sorted(self.arrays.items()))
-
-    @property
-    def _head(self) -> dict[str, Any]:
+    def head(self) -> dict[str, Any]:
         return {
             "kind": KIND,
             "robot": self.robot,
@@ -124,21 +109,6 @@ class ResidualWeights:
             "config": self.config.model_dump(mode="json"),
             "share": self.share,
         }
-
-    def write(self, path: Path | str, notes: Mapping[str, Any] | None = None) -> str:
-        """Write the arrays to `path` and their description next to it (.json); return their digest.
-
-        Args:
-          path: of the file.
-          notes: about the training, for people.
-
-        Raises:
-          ModelError: the name ends in .json, like that of the side file.
-        """
-        digest = self.digest
-        about = {**self._head, "format": _FORMAT, "digest": digest, "notes": dict(notes or {})}
-        write_arrays(Path(path), self.arrays, about)
-        return digest
 
     @classmethod
     def read(
@@ -160,25 +130,20 @@ class ResidualWeights:
           ModelError: the file is missing or damaged, or for another robot or plant.
         """
         path = Path(path)
-        about = checked_side_file(path, _FORMAT, _ABOUT)
-        if about["robot"] != robot.digest:
-            raise ModelError(
-                f"{path.name} corrects the plant of another robot (digest {about['robot'][:12]}), not "
-                f"that of {robot.name} ({robot.digest[:12]})."
-            )
+        about = side_file_of(path, robot, FORMAT, _ABOUT)
         with reading(path):
             found = cls(
-                about["robot"],
+                robot.digest,
+                {},
                 CorrectedPlant.model_validate(about["corrected"]),
                 ResidualConfig.model_validate(about["config"]),
                 Bounds(0, 1).check(about["share"], f"The share in {path.name}", ModelError),
-                {},
             )
             wanted = {
                 name: Wanted(tuple(value.shape), np.dtype(np.float32))
                 for name, value in _network(robot, found.config).state_dict().items()
             }
-            arrays = read_arrays(path, wanted, found._head, about["digest"])
+            arrays = read_arrays(path, wanted, found.head, about["digest"])
         found = replace(found, arrays=arrays)
         found._check(path, robot, plant, library)
         return found
