@@ -20,6 +20,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from flywheel.dynamics.residual.features import Layout, Shown
+
 FREEDOMS = 6  # of a body: a translation and a turn, both in the world
 TOUCH, EDGE = (
     0.003,
@@ -80,55 +82,29 @@ class Structure:
         return error + h * velocity, velocity
 
 
-def structure_of(
-    *,
-    turn: Tensor,
-    masses: Tensor,
-    inertias: Tensor,
-    first: Tensor,
-    second: Tensor,
-    arms: tuple[Tensor, Tensor],
-    along: Tensor,
-    length: Tensor,
-    strain: Tensor,
-    stiffness: Tensor,
-    damping: Tensor,
-    carries: Tensor,
-    touch_arms: Tensor,
-    height: Tensor,
-    speed: Tensor,
-) -> Structure:
-    """The plant's mechanics at all knots.
-
-    Args:
-      turn: (B, K, bodies, 3, 3).
-      masses, inertias: (bodies,) fractions of the robot's mass, and (bodies, 3) principal moments.
-      first, second: (C, bodies) 1 if a cable's first or second end is on a body.
-      arms: two of (B, K, C, 3) from the bodies' centres of mass to the ends, in the world.
-      along: (B, K, C, 3) unit vectors from first to second ends.
-      length, strain: (B, K, C).
-      stiffness, damping: (C,) of the cables.
-      carries: (P, bodies) 1 if a tracked point is on a body.
-      touch_arms: (B, K, P, 3) to their contact places.
-      height: (B, K, P) above the ground.
-      speed: (B, K, P, 3) of those places.
-    """
+def structure_of(layout: Layout, shown: Shown) -> Structure:
+    """The plant's mechanics at all knots; of the two ends of each cable, the first one comes first."""
+    one, other = slice(0, None, 2), slice(1, None, 2)
+    first, second = layout.owns[one], layout.owns[other]
+    arms = shown.arms[:, :, one], shown.arms[:, :, other]
+    along, length, strain = (x[:, :, one] for x in (shown.along, shown.length, shown.strain))
+    stiffness = layout.stiffness
     apart = _moves(second, arms[1]) - _moves(first, arms[0])  # (B, K, C, 3, n)
     per = torch.einsum("bkci,bkcin->bkcn", along, apart)
     tension = stiffness * strain.clamp(min=0.0)
     across = apart - along[..., None] * per[..., None, :]
     geometric = _squared(across.flatten(2, 3), (tension / length).repeat_interleave(3, dim=-1))
     geometric = geometric + _levers(first, second, arms, along * tension[..., None])
-    touching = torch.sigmoid((TOUCH - height) / EDGE)
-    moves = _moves(carries, touch_arms)
+    touching = torch.sigmoid((TOUCH - shown.height) / EDGE)
+    moves = _moves(layout.carries, shown.point_arms + layout.below)
     up, level = moves[..., 2, :], moves[..., :2, :].flatten(2, 3)
-    sliding = speed[..., :2].norm(dim=-1)
+    sliding = shown.touch_speed[..., :2].norm(dim=-1)
     sticking = touching * STICKING / (1.0 + sliding / SLIDING)
     geometric = geometric + _squared(up, NORMAL_STIFFNESS * touching)
-    lost = _squared(per, damping.expand_as(strain))
+    lost = _squared(per, layout.damping.expand_as(strain))
     lost = lost + _squared(up, NORMAL_DAMPING * touching)
     lost = lost + _squared(level, sticking.repeat_interleave(2, dim=-1))
-    mass = _mass(turn, masses, inertias)
+    mass = _mass(shown.turn, layout.masses, layout.inertias)
     return Structure(mass, per, up, strain, stiffness, geometric, lost)
 
 

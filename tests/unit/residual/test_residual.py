@@ -20,9 +20,10 @@ from flywheel.dynamics.residual import (
     knots_of,
     mean_offsets,
 )
+from flywheel.dynamics.residual.features import features
+from flywheel.dynamics.residual.mechanics import structure_of
 from flywheel.dynamics.residual.model import between
 from flywheel.dynamics.residual.motion import matrices
-from flywheel.dynamics.residual.network import _structure, features
 from flywheel.effects import EFFECTS, Scales, Term
 from flywheel.errors import ModelError
 from flywheel.records import Observation, State
@@ -158,7 +159,7 @@ def test_errors_grow_as_those_of_the_plant_do_when_a_cable_is_longer(cable):
     want = (true - plant.simulate(state, controls).observations.points)[0, :: lookout.every]
     network = network_of(PRISM, 0)
     shown = features(network.layout, SMALL, knots, past=False)
-    structure = _structure(network.layout, shown)
+    structure = structure_of(network.layout, shown)
     error = velocity = torch.zeros(1, 18)
     longer = torch.zeros(1, len(PRISM.cables))
     longer[0, cable] = float(more[winch]) / PRISM.length
