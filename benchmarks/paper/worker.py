@@ -29,7 +29,7 @@ from flywheel.runtime.pool.heartbeat import Worker
 from flywheel.runtime.pool.lock import hold
 from flywheel.runtime.workers.episode_plan import EpisodePlan
 from flywheel.training import Trainer
-from flywheel.training.baselines import FITS
+from flywheel.training.baselines import fit
 from flywheel.training.progress import TrainingProgress
 
 LEARNED: tuple[Split, ...] = ("train", "validation")
@@ -117,11 +117,12 @@ class TableWorker(Worker):
             for each in train.episodes
             if each.dataset == cell.dataset
         ]
-        config = FITTED[method.model].Config.model_validate(method.fit)
+        kind = FITTED[method.model]
         settings = self._table.fit.model_copy(update={"seed": cell.seed})
         say = self._heartbeat.progress
         dt = self._table.config(cell.robot, method).network.dt
-        found = FITS[method.model](data.robot, dt, tracks, config, settings, say)
+        model = kind(data.robot, dt, kind.Config.model_validate(method.fit))
+        found = fit(model, tracks, settings, say)
         self._place(cell).mkdir(parents=True, exist_ok=True)
         BaselineWeights.of(found.model).write(self._place(cell) / "fitted.npz")
         return found.model

@@ -11,21 +11,14 @@ import torch
 from numpy.lib.stride_tricks import sliding_window_view
 from torch import Tensor
 
-from flywheel.dynamics.baselines import LinearConfig, LinearDynamics
-from flywheel.dynamics.baselines.engine import (
-    CONTACT,
-    LARGEST,
-    LEAST,
-    USUAL,
-    EngineConfig,
-    RigidBodyEngine,
-)
+from flywheel.dynamics.baselines import LinearDynamics
+from flywheel.dynamics.baselines.engine import CONTACT, LARGEST, LEAST, USUAL, RigidBodyEngine
+from flywheel.dynamics.baselines.weights import FitModel
 from flywheel.dynamics.gnn.learned import one_thread_per_operation
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.errors import DataError, ModelError
 from flywheel.quantities import Bounds, Factor, HorizonSeconds, OptimiserSteps, Samples, Seed
 from flywheel.records import Floats, Past, Trajectory
-from flywheel.robots import Robot
 from flywheel.training.batches import generator
 from flywheel.training.spans import Span, check_recordings, presents, questions, split
 from flywheel.validation import Frozen
@@ -75,7 +68,7 @@ class Fitted:
       about: further numbers, for people.
     """
 
-    model: LinearDynamics | RigidBodyEngine
+    model: FitModel
     before: float
     error: float
     windows: int
@@ -122,52 +115,58 @@ class _Windows:
         return float(100.0 * np.sqrt(np.nanmean(squares)) / model.robot.length)
 
 
-def fit_linear(
-    robot: Robot,
-    dt: float,
+def fit(
+    model: FitModel,
     recordings: Sequence[Trajectory],
-    config: LinearConfig = LinearConfig(),
     settings: FitSettings = FitSettings(),
     say: Say = lambda done, note: None,
     stop: Callable[[], bool] = lambda: False,
 ) -> Fitted:
-    """Fit the linear model by a ridge regression of single steps.
+    """Fit a baseline; what is best on held-out windows is kept.
 
-    The ridge is the one whose rollouts are best on held-out windows.
+    The linear model by a ridge regression of single steps, with several ridges; the contact numbers of
+    the rigid-body engine by gradients through whole windows.
 
     Args:
-      robot: the robot.
-      dt: control step [s].
+      model: its robot, control step and configuration are kept.
       recordings: unbatched.
-      config: of the model.
       settings: of the fit.
       say: receives the progress.
-      stop: asked between two ridges; True ends the search with the best one so far.
+      stop: asked after each ridge or step; True ends the search with the best numbers so far.
 
     Raises:
       DataError: recordings do not fit the robot, or are too short.
     """
-    check_recordings(robot, dt, recordings)
+    check_recordings(model.robot, model.dt, recordings)
     learned, judged = split(recordings, settings.held_out)
-    model = LinearDynamics(robot, dt, config)
     held_out = _Windows.of(model, judged, settings)
-    before = held_out.error(model)
+    if isinstance(model, LinearDynamics):
+        return _fit_linear(model, learned, held_out, say, stop)
+    return _fit_engine(model, _Windows.of(model, learned, settings), held_out, settings, say, stop)
+
+
+def _fit_linear(
+    model: LinearDynamics,
+    learned: Sequence[Span],
+    held_out: _Windows,
+    say: Say,
+    stop: Callable[[], bool],
+) -> Fitted:
     squares, products, count = _sums(model, learned)
     size = np.sqrt(np.diag(squares) / count)
     size = np.where(size > 0, size, 1.0)
     gram, target = squares / count / np.outer(size, size), products / count / size[:, None]
-    best, least, chosen = model, before, np.inf
+    best, least, chosen = model, (before := held_out.error(model)), np.inf
     for number, ridge in enumerate(RIDGES):
         solved = np.linalg.solve(gram + ridge * np.eye(len(gram)), target) / size[:, None]
-        tried = LinearDynamics(robot, dt, config, solved)
+        tried = LinearDynamics(model.robot, model.dt, model.config, solved)
         if (error := held_out.error(tried)) < least:
             best, least, chosen = tried, error, float(ridge)
         say((number + 1) / len(RIDGES), f"ridge {ridge:g}: {error:.3g} %")
         if stop():
             break
-    return Fitted(
-        best, before, least, len(held_out.controls), {"ridge": chosen, "samples": float(count)}
-    )
+    numbers = {"ridge": chosen, "samples": float(count)}
+    return Fitted(best, before, least, len(held_out.controls), numbers)
 
 
 def _sums(model: LinearDynamics, parts: Sequence[Span]) -> tuple[Floats, Floats, int]:
@@ -204,29 +203,15 @@ def _runs(array: Floats, length: int) -> Floats:
     return np.moveaxis(sliding_window_view(array, length, axis=0), -1, 1)
 
 
-def fit_engine(
-    robot: Robot,
-    dt: float,
-    recordings: Sequence[Trajectory],
-    config: EngineConfig = EngineConfig(),
-    settings: FitSettings = FitSettings(),
-    say: Say = lambda done, note: None,
-    stop: Callable[[], bool] = lambda: False,
+def _fit_engine(
+    model: RigidBodyEngine,
+    train: _Windows,
+    held_out: _Windows,
+    settings: FitSettings,
+    say: Say,
+    stop: Callable[[], bool],
 ) -> Fitted:
-    """Fit the contact numbers of the rigid-body engine by gradients through whole windows.
-
-    The numbers after the step that is best on held-out windows are kept. Arguments and errors as of
-    `fit_linear`; `stop` is asked after each step.
-
-    Raises:
-      DataError: recordings do not fit the robot, or are too short.
-      RobotError: the robot has joints.
-    """
-    check_recordings(robot, dt, recordings)
-    learned, judged = split(recordings, settings.held_out)
-    model = RigidBodyEngine(robot, dt, config)
-    train, held_out = (_Windows.of(model, parts, settings) for parts in (learned, judged))
-    best, least = model, (before := held_out.error(model))
+    robot, best, least = model.robot, model, (before := held_out.error(model))
     begun, winch = model.started(train.past, train.controls)
     rest, ground = model.rest(winch), model.ground(train.past)
     measured = torch.as_tensor(train.measured / robot.length)
@@ -246,7 +231,8 @@ def fit_engine(
             optimiser.step()
         last = step == settings.steps or stop()
         if last or step % settings.validate_every == 0:
-            tried = RigidBodyEngine(robot, dt, config, _between(raw).detach().numpy())
+            contact = _between(raw).detach().numpy()
+            tried = RigidBodyEngine(robot, model.dt, model.config, contact)
             if (error := held_out.error(tried)) < least:
                 best, least = tried, error
         say(step / settings.steps, f"loss {loss.item():.3g}")
@@ -267,9 +253,3 @@ def _distance(predicted: Tensor, measured: Tensor) -> Tensor:
     seen = torch.isfinite(measured).all(-1)
     off = torch.where(seen[..., None], predicted - measured, 0.0)[:, 1:]
     return (off * off).sum(-1).clamp(min=1e-18).sqrt().sum() / seen[:, 1:].sum().clamp(min=1)
-
-
-FITS: dict[str, Callable[..., Fitted]] = {
-    LinearDynamics.kind: fit_linear,
-    RigidBodyEngine.kind: fit_engine,
-}

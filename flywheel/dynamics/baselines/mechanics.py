@@ -43,7 +43,7 @@ class RigidState:
     rate: Tensor
 
     @classmethod
-    def of(cls, robot: Robot, state: State, device: str = "cpu") -> RigidState:
+    def of(cls, robot: Robot, state: State) -> RigidState:
         """The motion of a plant's state (K,); of a robot of free bodies."""
         count, bodies = len(state.qpos), robot.bodies
         qpos = state.qpos.reshape(count, len(bodies), 7)
@@ -54,7 +54,7 @@ class RigidState:
         axes = np.stack([rotate(turn, principal[:, j]) for j in range(3)], axis=1)
         rate = rotate(turn, qvel[..., 3:])
         parts = (qpos[..., :3] + arm, axes, qvel[..., :3] + np.cross(rate, arm), rate)
-        return cls(*(_tensor(np.moveaxis(p, (-1, 0), (0, -1)), device) for p in parts))
+        return cls(*(_tensor(np.moveaxis(p, (-1, 0), (0, -1))) for p in parts))
 
     def expanded(self, samples: int) -> RigidState:
         """The motion of all samples, from one for all or one for each."""
@@ -68,15 +68,12 @@ class Places:
       robot: the robot.
       bodies: (m,) index of each place's body; -1 for the world.
       offsets: (m, 3) in the frame of the body [m].
-      device: of the matrices.
 
     Attributes:
       on: (m, n) 1 where a place is on a body.
     """
 
-    def __init__(
-        self, robot: Robot, bodies: Sequence[int], offsets: Floats, device: str = "cpu"
-    ) -> None:
+    def __init__(self, robot: Robot, bodies: Sequence[int], offsets: Floats) -> None:
         count, n = len(bodies), len(robot.bodies)
         on, arm, still = np.zeros((count, n)), np.zeros((count, 3, n)), np.zeros((3, count, 1))
         for row, index in enumerate(bodies):
@@ -86,8 +83,8 @@ class Places:
             body = robot.bodies[index]
             on[row, index] = 1.0
             arm[row, :, index] = (offsets[row] - body.com) @ body.principal
-        self.on, self._still = _tensor(on, device), _tensor(still, device)
-        self._arm = _tensor(arm.reshape(count, 3 * n), device)
+        self.on, self._still = _tensor(on), _tensor(still)
+        self._arm = _tensor(arm.reshape(count, 3 * n))
 
     def arms(self, state: RigidState) -> Tensor:
         """(3, m, K) from the centres of mass to the places; 0 in the world [m]."""
@@ -123,16 +120,15 @@ class Cables:
 
     Args:
       robot: the robot.
-      device: of the matrices.
     """
 
-    def __init__(self, robot: Robot, device: str = "cpu") -> None:
+    def __init__(self, robot: Robot) -> None:
         ends = [end for cable in robot.cables for end in cable.ends]
         offsets = np.array([end.offset for end in ends])
-        self.ends = Places(robot, [end.body for end in ends], offsets, device)
+        self.ends = Places(robot, [end.body for end in ends], offsets)
 
         def column(values: list[float]) -> Tensor:
-            return _tensor(np.array(values)[:, None], device)
+            return _tensor(np.array(values)[:, None])
 
         self.stiffness = column([cable.stiffness for cable in robot.cables])
         self.damping = column([cable.damping for cable in robot.cables])
@@ -178,20 +174,19 @@ class Mechanics:
 
     Args:
       robot: the robot.
-      device: of the matrices.
     """
 
-    def __init__(self, robot: Robot, device: str = "cpu") -> None:
-        self.cables, points = Cables(robot, device), robot.points
+    def __init__(self, robot: Robot) -> None:
+        self.cables, points = Cables(robot), robot.points
         bodies, offsets = [p.body for p in points], np.array([p.offset for p in points])
-        self.points = Places(robot, bodies, offsets, device)
+        self.points = Places(robot, bodies, offsets)
         caps = [i for i, point in enumerate(points) if point.radius > 0]
-        self._caps = Places(robot, [bodies[i] for i in caps], offsets[caps], device)
-        self._radius = _tensor(np.array([[points[i].radius] for i in caps]), device)
-        self._mass = _tensor(np.array([[body.mass] for body in robot.bodies]), device)
+        self._caps = Places(robot, [bodies[i] for i in caps], offsets[caps])
+        self._radius = _tensor(np.array([[points[i].radius] for i in caps]))
+        self._mass = _tensor(np.array([[body.mass] for body in robot.bodies]))
         moments = np.array([body.inertia for body in robot.bodies]).T[..., None]
-        self._softness = _tensor(1.0 / moments, device)  # (3, n, 1)
-        self._rods = _tensor(np.array([_axis(robot, i) for i in range(len(robot.bodies))]), device)
+        self._softness = _tensor(1.0 / moments)  # (3, n, 1)
+        self._rods = _tensor(np.array([_axis(robot, i) for i in range(len(robot.bodies))]))
 
     def step(
         self,
@@ -346,5 +341,5 @@ def _norm(vectors: Tensor) -> Tensor:
     return (vectors * vectors).sum(0).clamp(min=_TINY**2).sqrt()
 
 
-def _tensor(array: Floats, device: str) -> Tensor:
-    return torch.as_tensor(np.ascontiguousarray(array), dtype=torch.float64, device=device)
+def _tensor(array: Floats) -> Tensor:
+    return torch.as_tensor(np.ascontiguousarray(array), dtype=torch.float64)

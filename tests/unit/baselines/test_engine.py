@@ -18,11 +18,12 @@ from flywheel.errors import DataError, ModelError, RobotError
 from flywheel.records import Observation, Past, State, Trajectory
 from flywheel.robots import Robot, load_robot, read_robot
 from flywheel.terrain import Terrain
-from flywheel.training.baselines import FitSettings, fit_engine
+from flywheel.training.baselines import FitSettings, fit
 from tests.physics.small_robots import hanging
 
 ROBOT = load_robot("prism3")
 MJCF = EngineConfig(attachments="mjcf")
+ENGINE = RigidBodyEngine(ROBOT, 0.01, MJCF)
 
 
 def thrown(robot: Robot, numbers: np.ndarray, count: int, steps: int = 100) -> list[Trajectory]:
@@ -50,7 +51,7 @@ def resting(robot: Robot, height: float = 0.0) -> Past:
 def test_the_friction_of_throws_is_found() -> None:
     truth = np.array([0.0, 0.2, 0.35, 0.9, 0.7])
     settings = FitSettings(horizon=0.2, steps=60, batch=48)
-    found = fit_engine(ROBOT, 0.01, thrown(ROBOT, truth, 10), MJCF, settings)
+    found = fit(ENGINE, thrown(ROBOT, truth, 10), settings)
     assert found.error < 0.5 * found.before
     assert found.about["friction"] == pytest.approx(0.35, abs=0.07)
     assert (found.model.contact >= LEAST).all() and (found.model.contact <= LARGEST).all()
@@ -58,16 +59,14 @@ def test_the_friction_of_throws_is_found() -> None:
 
 def test_equal_fits_give_equal_numbers() -> None:
     tracks, settings = thrown(ROBOT, USUAL, 6, 60), FitSettings(horizon=0.1, steps=3)
-    first, second = (fit_engine(ROBOT, 0.01, tracks, MJCF, settings).model for _ in range(2))
+    first, second = (fit(ENGINE, tracks, settings).model for _ in range(2))
     assert np.array_equal(first.contact, second.contact)
 
 
 def test_a_fit_can_be_stopped() -> None:
     steps: list[float] = []
     tracks, settings = thrown(ROBOT, USUAL, 6, 60), FitSettings(horizon=0.1, steps=50)
-    found = fit_engine(
-        ROBOT, 0.01, tracks, MJCF, settings, lambda d, _: steps.append(d), lambda: len(steps) > 1
-    )
+    found = fit(ENGINE, tracks, settings, lambda d, _: steps.append(d), lambda: len(steps) > 1)
     assert len(steps) < 5 and list(found.about) == list(CONTACT)
 
 
@@ -107,4 +106,4 @@ def test_a_robot_with_joints_is_refused() -> None:
 
 def test_a_recording_of_another_robot_is_refused() -> None:
     with pytest.raises(DataError, match="winches"):
-        fit_engine(load_robot("icosa6"), 0.01, thrown(ROBOT, USUAL, 1, 20))
+        fit(RigidBodyEngine(load_robot("icosa6"), 0.01), thrown(ROBOT, USUAL, 1, 20))

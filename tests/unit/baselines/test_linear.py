@@ -7,10 +7,11 @@ from flywheel.dynamics.baselines import LinearConfig, LinearDynamics
 from flywheel.errors import DataError, ModelError
 from flywheel.records import Floats, Observation, Past, Trajectory
 from flywheel.robots import load_robot
-from flywheel.training.baselines import FitSettings, fit_linear
+from flywheel.training.baselines import FitSettings, fit
 
 ROBOT = load_robot("prism3")
 SMALL = LinearConfig(pose_lags=2, input_lags=3)
+LINEAR = LinearDynamics(ROBOT, 0.01, SMALL)
 QUICK = FitSettings(horizon=0.2)
 
 
@@ -40,7 +41,7 @@ def question(track: Trajectory, at: int, steps: int) -> tuple[Past, Floats]:
 
 
 def test_a_linear_robot_is_found_and_predicted() -> None:
-    found = fit_linear(ROBOT, 0.01, [driven(seed) for seed in range(3)], SMALL, QUICK)
+    found = fit(LINEAR, [driven(seed) for seed in range(3)], QUICK)
     assert found.error < 0.01 * found.before
     track = driven(9)
     got = found.model.rollout(*question(track, 50, 100)).points[0]
@@ -74,7 +75,7 @@ def test_rows_with_a_missing_point_are_left_out() -> None:
     tracks[0] = Trajectory(
         Observation(points, tracks[0].observations.winch), tracks[0].controls, 0.01
     )
-    found = fit_linear(ROBOT, 0.01, tracks, SMALL, QUICK)
+    found = fit(LINEAR, tracks, QUICK)
     assert found.error < 0.01 * found.before
 
 
@@ -89,4 +90,4 @@ def test_a_model_that_diverges_says_so() -> None:
 @pytest.mark.parametrize("count", [0, 1])
 def test_recordings_that_do_not_do_are_refused(count) -> None:
     with pytest.raises(DataError):
-        fit_linear(ROBOT, 0.01, [driven(0, 2)] * count, SMALL, QUICK)
+        fit(LINEAR, [driven(0, 2)] * count, QUICK)
