@@ -16,7 +16,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from flywheel.control import Controller, Mppi, MppiConfig, record_episode, standing
+from flywheel.control import Controller, EpisodeOrder, Mppi, MppiConfig, record_episode, standing
 from flywheel.control.protocol import Command
 from flywheel.dynamics.plant import MeasurementModel, Plant, PlantDynamics
 from flywheel.dynamics.protocol import Dynamics
@@ -74,12 +74,8 @@ def study(
             MeasurementModel(),
             plan_with(PlantDynamics(model)),
             goal,
+            EpisodeOrder(f"study-{seed}", Provenance(robot.digest), task.seconds, seed, "test"),
             start=start if stand is None else standing(plant, start, stand.place, stand.turn),
-            seconds=task.seconds,
-            seed=seed,
-            episode_id=f"study-{seed}",
-            provenance=Provenance(robot.digest),
-            split="test",
         )
         assert episode.outcome is not None
         seconds.append(episode.outcome.seconds if episode.outcome.success else np.inf)

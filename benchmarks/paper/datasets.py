@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.paper.definition import Cell, Method, TableConfig
-from flywheel.control import Playback, record_episode
+from flywheel.control import EpisodeOrder, Playback, record_episode
 from flywheel.data import Snapshot, TrajectoryStore
 from flywheel.dynamics.plant import Reckoning, RestartedPlant
 from flywheel.dynamics.weight_files import digest_of
@@ -153,14 +153,14 @@ class DataSets:
             self.config.measurement,
             Playback(self.robot, track.controls[begin:], plan.id),
             None,
-            start=start.estimate(past),
-            seconds=(track.steps - begin) * track.dt,
-            seed=derive_seed(plan.seed, data.name),
-            episode_id=name,
-            provenance=self.recorder.provenance(
-                plan, "", dataset=data.name, plant=data.plant.changed()
+            EpisodeOrder(
+                name,
+                self.recorder.provenance(plan, "", dataset=data.name, plant=data.plant.changed()),
+                (track.steps - begin) * track.dt,
+                derive_seed(plan.seed, data.name),
+                plan.split,
             ),
-            split=plan.split,
+            start=start.estimate(past),
             reckoning=Reckoning(self.robot, plant.dt, speed=data.plant.winch_speed),
         )
         self.store.commit(name, [episode])

@@ -6,7 +6,7 @@ from flywheel.control.gaits import Gait
 from flywheel.control.mppi import Mppi
 from flywheel.control.mppi_config import MppiConfig
 from flywheel.control.open_loop import Hold, Playback, RandomControls
-from flywheel.control.protocol import Command, Controller
+from flywheel.control.protocol import Command, Controller, EpisodeOrder
 from flywheel.control.starts import above_ground, random_drop, refuse_fixed, standing, thrown
 
 CONTROLLERS = {
@@ -23,6 +23,7 @@ __all__ = [
     "AStar",
     "Command",
     "Controller",
+    "EpisodeOrder",
     "Gait",
     "Hold",
     "Mppi",

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from flywheel.control.episode_log import EpisodeLog
-from flywheel.control.protocol import Command, Controller, OnPiece, Piece
+from flywheel.control.protocol import Command, Controller, EpisodeOrder, OnPiece, Piece
 from flywheel.dynamics.plant import MeasurementModel, Plant, Reckoning
 from flywheel.errors import ConfigError, ModelError
 from flywheel.records import (
@@ -15,8 +15,6 @@ from flywheel.records import (
     Floats,
     Observation,
     Outcome,
-    Provenance,
-    Split,
     State,
     Trajectory,
 )
@@ -75,13 +73,9 @@ def record_episode(
     measurement: MeasurementModel,
     controller: Controller,
     task: Task | None,
+    order: EpisodeOrder,
     *,
     start: State,
-    seconds: float,
-    seed: int,
-    episode_id: str,
-    provenance: Provenance,
-    split: Split,
     on_piece: OnPiece | None = None,
     reckoning: Reckoning | None = None,
 ) -> Episode:
@@ -94,20 +88,18 @@ def record_episode(
       plant: one simulation is stepped, with the plant's (first) parameters.
       measurement: between the plant and the controller, and for the recording.
       controller: source of the commands.
-      task: with its successors, or None. Its time limit covers all of them, in addition to
-        `seconds`.
+      task: with its successors, or None. Its time limit covers all of them, in addition to the order's.
+      order: of the episode.
       start: (1,) state.
-      seconds, seed: longest duration [s]; seed of controller and measurement.
-      episode_id, provenance, split: of the episode.
       on_piece: called with each piece; may raise to end the recording.
       reckoning: of unmeasured winches; None for nominal ones.
 
     Raises:
-      ConfigError: `seconds` is shorter than one step.
+      ConfigError: the order is of less than one step.
       ModelError: the controller's commands have a wrong shape, or plant or model diverged.
     """
-    steps = steps_of(seconds if task is None else min(seconds, task.seconds), plant.dt)
-    for_controller, noise = np.random.SeedSequence(seed).spawn(2)
+    steps = steps_of(order, task, plant.dt)
+    for_controller, noise = np.random.SeedSequence(order.seed).spawn(2)
     reckoning = reckoning or Reckoning(plant.robot, plant.dt)
     log = PlantLog(plant, measurement, start, np.random.default_rng(noise), steps, reckoning)
     controller.reset(task, number_of(for_controller))
@@ -128,7 +120,9 @@ def record_episode(
             on_piece(Piece(log.done, simulated, command))
     outcome = None if task is None else _outcome(plant, log, task, reached)
     track, telemetry = log.trajectory(log.states()), telemetry_of(commands)
-    return Episode(episode_id, track, provenance, split, outcome, telemetry, plant.terrain)
+    return Episode(
+        order.id, track, order.provenance, order.split, outcome, telemetry, plant.terrain
+    )
 
 
 def number_of(seeds: np.random.SeedSequence) -> int:
@@ -180,7 +174,8 @@ def checked_controls(controls: Floats, name: str, robot: Robot) -> Floats:
     return controls
 
 
-def steps_of(seconds: float, dt: float) -> int:
+def steps_of(order: EpisodeOrder, task: Task | None, dt: float) -> int:
+    seconds = order.seconds if task is None else min(order.seconds, task.seconds)
     steps = round(seconds / dt)
     if steps < 1:
         raise ConfigError(f"An episode needs at least one step of {dt:g} s, got {seconds:g} s.")

@@ -17,10 +17,10 @@ import numpy as np
 
 from flywheel.control.closed_loop import checked_controls, steps_of, telemetry_of
 from flywheel.control.episode_log import EpisodeLog
-from flywheel.control.protocol import Command, Controller
+from flywheel.control.protocol import Command, Controller, EpisodeOrder
 from flywheel.dynamics.plant import Reckoning
 from flywheel.errors import LinkError, ModelError
-from flywheel.records import Episode, Floats, Observation, Outcome, Past, Provenance, Split
+from flywheel.records import Episode, Floats, Observation, Outcome, Past, Provenance
 from flywheel.robot_link.protocol import RobotLink, Sample
 from flywheel.robot_link.transcript import ReplayedLink
 from flywheel.robot_link.wire import Reset, Send
@@ -71,12 +71,8 @@ def drive(
     robot: Robot,
     controller: Controller,
     task_of: TaskOf,
+    order: EpisodeOrder,
     *,
-    seconds: float,
-    seed: int,
-    episode_id: str,
-    provenance: Provenance,
-    split: Split,
     reckoning: Reckoning,
     dataset: int = 0,
     lead: int = 0,
@@ -92,41 +88,34 @@ def drive(
       robot: of its MJCF.
       controller: source of the commands.
       task_of: returns the task, given the points (P, 3) of the standing robot; None for none.
-      seconds, seed: longest duration [s]; seed of controller and of simulated sensors.
-      episode_id, provenance, split: of the episode.
+      order: of the episode.
       reckoning: of unmeasured winches.
       dataset: index of the data set assumed by a network.
       lead: control steps between the request for a plan and its start; 0 to wait for every plan.
       on_step: called at every control step; may raise to end the drive.
 
     Raises:
-      ConfigError: `seconds` is shorter than one step.
+      ConfigError: the order is of less than one step.
       LinkError: the robot is another one, or is lost before the first step.
       ModelError: likewise for the controller: its commands have a wrong shape, or its model
         diverged.
     """
     link.info.check_is(robot)
-    link.reset(seed)
+    link.reset(order.seed)
     first = link.info.check(link.observe())
     seen = without_gaps(first.points)
     task = task_of(seen)
-    steps = steps_of(seconds if task is None else min(seconds, task.seconds), link.info.period)
+    steps = steps_of(order, task, link.info.period)
     log = EpisodeLog(robot, link.info.period, steps, reckoning, dataset=dataset)
     log.see(_observation(first), 0)
-    controller.reset(task, seed)
+    controller.reset(task, order.seed)
     going = _Going(log, Planner(controller, log, lead), task, seen)
     ended, why = _to_the_end(link, going, first, steps, on_step)
-    episode = _episode(going, episode_id, provenance, split)
-    return Drive(episode, ended, why, going.planner.late, going.skipped)
+    return Drive(_episode(going, order), ended, why, going.planner.late, going.skipped)
 
 
 def replayed(
-    link: ReplayedLink,
-    robot: Robot,
-    *,
-    episode_id: str,
-    provenance: Provenance,
-    reckoning: Reckoning,
+    link: ReplayedLink, robot: Robot, episode_id: str, provenance: Provenance, reckoning: Reckoning
 ) -> Drive:
     """Reconstruct a drive from its transcript up to the end of that, e.g. if the driver was killed.
 
@@ -139,18 +128,9 @@ def replayed(
     Raises:
       LinkError: it is of another robot, or ends before the first step.
     """
-    return drive(
-        link,
-        robot,
-        _Recorded(link),
-        lambda points: None,
-        seconds=max(link.seconds, link.info.period),
-        seed=link.coming(Reset).seed,
-        episode_id=episode_id,
-        provenance=provenance,
-        split="train",
-        reckoning=reckoning,
-    )
+    seconds = max(link.seconds, link.info.period)
+    order = EpisodeOrder(episode_id, provenance, seconds, link.coming(Reset).seed)
+    return drive(link, robot, _Recorded(link), lambda points: None, order, reckoning=reckoning)
 
 
 class _Recorded:
@@ -325,7 +305,7 @@ def _hold_still(link: RobotLink) -> None:
         return  # it holds still by itself once the last command is not valid any more
 
 
-def _episode(going: _Going, episode_id: str, provenance: Provenance, split: Split) -> Episode:
+def _episode(going: _Going, order: EpisodeOrder) -> Episode:
     log, task = going.log, going.task
     outcome = None
     if task is not None:
@@ -336,4 +316,4 @@ def _episode(going: _Going, episode_id: str, provenance: Provenance, split: Spli
         "late_plans": np.array([going.planner.late]),
         "skipped": np.array([going.skipped]),
     }
-    return Episode(episode_id, log.trajectory(), provenance, split, outcome, telemetry)
+    return Episode(order.id, log.trajectory(), order.provenance, order.split, outcome, telemetry)

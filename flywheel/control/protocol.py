@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
-from flywheel.records import Floats, Past, Trajectory
+from flywheel.records import Floats, Past, Provenance, Split, Trajectory
 from flywheel.tasks.task import Task
 
 
@@ -27,6 +27,23 @@ class Command:
     plan_seconds: float = 0.0
     diagnostics: dict[str, Floats] = field(default_factory=dict)
     tail: Floats | None = None
+
+
+@dataclass(frozen=True)
+class EpisodeOrder:
+    """An episode to be recorded.
+
+    Attributes:
+      id, provenance, split: of the episode.
+      seconds: its longest duration [s].
+      seed: of the controller and of the measurement.
+    """
+
+    id: str
+    provenance: Provenance
+    seconds: float
+    seed: int
+    split: Split = "train"
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from typing import Annotated
 import numpy as np
 
 from flywheel import __version__
-from flywheel.control import Playback
+from flywheel.control import EpisodeOrder, Playback
 from flywheel.control.drive import drive
 from flywheel.demo.assessment import Assessment, assess, library_values, smallest_shown
 from flywheel.diagnosis import Diagnosis, diagnose
@@ -261,23 +261,20 @@ def _recording(
     rng = np.random.default_rng((seed, COMMANDS))
     controls = script(name, robot, config.seconds, config.dt, rng)
     controller = Playback(robot, controls, name)
+    about = Provenance(
+        robot=robot.digest,
+        source="recording",
+        dataset="recording",
+        controller=controller.name,
+        seed=seed,
+        code=__version__,
+    )
     driven = drive(
         link,
         robot,
         controller,
         lambda points: None,
-        seconds=config.seconds,
-        seed=seed,
-        episode_id=f"demo-{number}",
-        provenance=Provenance(
-            robot=robot.digest,
-            source="recording",
-            dataset="recording",
-            controller=controller.name,
-            seed=seed,
-            code=__version__,
-        ),
-        split=split,
+        EpisodeOrder(f"demo-{number}", about, config.seconds, seed, split),
         reckoning=Reckoning(robot, config.dt),
         on_step=lambda done, sample: stage.update(number + done / len(controls), name),
     )

@@ -11,6 +11,7 @@ from flywheel import __version__
 from flywheel.control import (
     AStar,
     Controller,
+    EpisodeOrder,
     Hold,
     Mppi,
     RandomControls,
@@ -154,6 +155,11 @@ class _Recorder:
             **more,
         )
 
+    def order(self, plan: EpisodePlan, model: str, **more: Any) -> EpisodeOrder:
+        """The order of a planned episode; arguments as of `provenance`."""
+        about = self.provenance(plan, model, **more)
+        return EpisodeOrder(plan.id, about, plan.seconds, plan.seed, plan.split)
+
 
 class EpisodeRecorder(_Recorder):
     """Records planned episodes on a plant; the same plan and weights give the same episode on any worker.
@@ -245,18 +251,14 @@ class EpisodeRecorder(_Recorder):
             self.config.measurement,
             self.controller(plan, dynamics, model),
             task,
-            start=self._start(plan, plant, task),
-            seconds=plan.seconds,
-            seed=plan.seed,
-            episode_id=plan.id,
-            provenance=self.provenance(
+            self.order(
                 plan,
                 model,
                 dataset=data.name,
                 plant=data.plant.changed(),
                 effects={effect.label: effect.parameters for effect in plan.plant_effects},
             ),
-            split=plan.split,
+            start=self._start(plan, plant, task),
             reckoning=Reckoning(
                 self.robot, plant.dt, self.terms(plan.effects), data.plant.winch_speed
             ),
@@ -338,11 +340,7 @@ class RobotRecorder(_Recorder):
             self.robot,
             self.controller(plan, dynamics, model),
             lambda points: self.task_from(plan, points),
-            seconds=plan.seconds,
-            seed=plan.seed,
-            episode_id=plan.id,
-            provenance=self.provenance(plan, model, source=RECORDING, dataset=RECORDING),
-            split=plan.split,
+            self.order(plan, model, source=RECORDING, dataset=RECORDING),
             lead=config.mppi.steps(dt)["replan_seconds"] if ahead else 0,
             reckoning=Reckoning(self.robot, dt, self.terms(plan.effects)),
             dataset=self._dataset,

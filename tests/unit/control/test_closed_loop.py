@@ -5,6 +5,7 @@ import pytest
 
 from flywheel.control import (
     Command,
+    EpisodeOrder,
     Hold,
     Mppi,
     MppiConfig,
@@ -44,12 +45,8 @@ def recorded(plant: Plant, controller, task=None, measurement=EXACT, seconds=1.0
         measurement,
         controller,
         task,
+        EpisodeOrder("one", Provenance(plant.robot.digest), seconds, seed),
         start=plant.rest(),
-        seconds=seconds,
-        seed=seed,
-        episode_id="one",
-        provenance=Provenance(plant.robot.digest),
-        split="train",
         **more,
     )
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flywheel.control import Command, RandomControls
+from flywheel.control import Command, EpisodeOrder, RandomControls
 from flywheel.control.drive import Drive, drive, replayed
 from flywheel.dynamics.plant import Reckoning
 from flywheel.errors import LinkError, ModelError
@@ -71,16 +71,13 @@ class Clockwork(StandIn):
 def driven(
     link: RobotLink, robot: Robot, controller: object, seconds: float = 0.2, **more: object
 ) -> Drive:
+    about = Provenance(robot=robot.digest, source="recording", dataset="recording")
     return drive(
         link,
         robot,
         controller,  # type: ignore[arg-type]
         more.pop("task_of", lambda points: None),  # type: ignore[arg-type]
-        seconds=seconds,
-        seed=2,
-        episode_id="drive-0",
-        provenance=Provenance(robot=robot.digest, source="recording", dataset="recording"),
-        split="train",
+        EpisodeOrder("drive-0", about, seconds, seed=2),
         reckoning=Reckoning(robot, PERIOD),
         **more,  # type: ignore[arg-type]
     )
@@ -170,13 +167,7 @@ def test_what_a_driver_that_was_killed_had_measured_is_in_its_transcript_to_the_
     kept = len(lines) * 2 // 3
     path.write_bytes(b"".join(lines[:kept]) + lines[kept][:20])
     about = Provenance(robot=robot.digest, source="recording", dataset="recording")
-    again = replayed(
-        ReplayedLink(path),
-        robot,
-        episode_id="again",
-        provenance=about,
-        reckoning=Reckoning(robot, PERIOD),
-    )
+    again = replayed(ReplayedLink(path), robot, "again", about, Reckoning(robot, PERIOD))
     track = again.episode.trajectory
     assert 17 < track.steps < whole.steps and again.skipped == 12
     for name in ("points", "winch"):
@@ -185,13 +176,7 @@ def test_what_a_driver_that_was_killed_had_measured_is_in_its_transcript_to_the_
     np.testing.assert_array_equal(track.controls, whole.controls[: track.steps])
     path.write_bytes(b"".join(lines[:4]))
     with pytest.raises(LinkError):
-        replayed(
-            ReplayedLink(path),
-            robot,
-            episode_id="again",
-            provenance=about,
-            reckoning=Reckoning(robot, PERIOD),
-        )
+        replayed(ReplayedLink(path), robot, "again", about, Reckoning(robot, PERIOD))
 
 
 class Diverging(Planner):

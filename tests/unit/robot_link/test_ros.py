@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from flywheel.control import RandomControls
+from flywheel.control import EpisodeOrder, RandomControls
 from flywheel.control.drive import drive
 from flywheel.dynamics.plant import Reckoning
 from flywheel.errors import LinkError
@@ -36,16 +36,13 @@ def test_a_robot_behind_ros_is_driven_and_its_log_is_whole(prism3, bridge):
         f"ros://127.0.0.1:{bridge.port}", prism3, PERIOD, arguments={"period": str(PERIOD)}
     )
     assert isinstance(link, RobotLink) and link.info.real_time
+    about = Provenance(robot=prism3.digest, source="recording", dataset="recording")
     done = drive(
         link,
         prism3,
         RandomControls(prism3, PERIOD),
         lambda points: None,
-        seconds=1.0,
-        seed=1,
-        episode_id="ros",
-        provenance=Provenance(robot=prism3.digest, source="recording", dataset="recording"),
-        split="train",
+        EpisodeOrder("ros", about, seconds=1.0, seed=1),
         reckoning=Reckoning(prism3, PERIOD),
     )
     link.close()
