@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from flywheel.diagnosis.comparison import Comparison, Judgement
-from flywheel.dynamics.plant import Shot, render_episode, states_of
+from flywheel.dynamics.plant import Film, Shot, states_of
 
 SLOWER = 4  # than it was
 FPS = 15
@@ -29,6 +29,5 @@ def film_window(found: Comparison, model: Judgement, window: int, path: Path) ->
     first = int(windows.first[window])
     seen = windows.recordings[windows.recording[window]].trajectory.observations.points
     ghosts = seen[first : first + windows.steps + 1]
-    return render_episode(
-        windows.robot, states, path, fps=FPS, ghosts=ghosts, dt=SLOWER * windows.dt, shot=SHOT
-    )
+    dt = SLOWER * windows.dt
+    return Film(windows.robot, states, fps=FPS, ghosts=ghosts, dt=dt, shot=SHOT).write(path)

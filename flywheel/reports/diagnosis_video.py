@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from flywheel.diagnosis import Diagnosis
-from flywheel.dynamics.plant import Reckoning, Shot, render_frames, states_of, write_video
+from flywheel.dynamics.plant import Film, Reckoning, Shot, states_of, write_video
 from flywheel.effects import Scales
 from flywheel.records import Floats, Trajectory
 from flywheel.reports.comparison_video import FPS, SLOWER
@@ -98,7 +98,8 @@ class WorstWindow:
         states = states_of(self.robot, self.dt, points, self.winch)
         ghosts = points + self.times * (self.measured - points)
         dt = SLOWER * self.dt
-        return list(render_frames(self.robot, states, fps=FPS, ghosts=ghosts, dt=dt, shot=SHOT))
+        film = Film(self.robot, states, fps=FPS, ghosts=ghosts, dt=dt, shot=SHOT)
+        return list(film.frames())
 
 
 def _times(off: Floats, robot: Robot) -> int:

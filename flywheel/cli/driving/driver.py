@@ -22,7 +22,7 @@ from flywheel.dynamics.baselines.named import BASELINES
 from flywheel.dynamics.gnn import check_device
 from flywheel.dynamics.gnn.shipped import SHIPPED, shipped_weights
 from flywheel.dynamics.plant import LiveView, RestartedPlant
-from flywheel.dynamics.plant.render import render_episode
+from flywheel.dynamics.plant.render import Film
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.effects import EFFECTS, WrittenTerm
 from flywheel.errors import ConfigError
@@ -162,7 +162,7 @@ class PlantDriver(_Driver):
         task, states = self._recorder.task(self.plan(seed)), episode.trajectory.states
         assert task is not None and states is not None, "a planned episode on a plant has both"
         scenery = scenery_of(task, episode.terrain)
-        return render_episode(self.robot, states, path, scenery, plans=episode.plans)
+        return Film(self.robot, states, scenery, plans=episode.plans).write(path)
 
     @contextmanager
     def _shown(self, plan: EpisodePlan, wanted: bool) -> Iterator[OnPiece | None]:

@@ -11,7 +11,7 @@ from flywheel.dynamics.plant.parameters import PlantParameters
 from flywheel.dynamics.plant.plant import Plant
 from flywheel.dynamics.plant.reckoning import Reckoning
 from flywheel.dynamics.plant.refined import hasty, refined
-from flywheel.dynamics.plant.render import Shot, render_episode, render_frames, write_video
+from flywheel.dynamics.plant.render import Film, Shot, write_video
 from flywheel.dynamics.plant.restarted import RestartedPlant, states_of
 from flywheel.dynamics.plant.resting import Settling, settling
 from flywheel.dynamics.plant.roll import unseen_axes
@@ -21,6 +21,7 @@ from flywheel.dynamics.plant.time_steps import StepError, StepStudy, cable_dampi
 __all__ = [
     "AugmentedPlant",
     "EffectivePlant",
+    "Film",
     "LiveView",
     "MeasurementModel",
     "Motion",
@@ -40,8 +41,6 @@ __all__ = [
     "hasty",
     "moved",
     "refined",
-    "render_episode",
-    "render_frames",
     "settling",
     "states_of",
     "turning",

@@ -58,24 +58,13 @@ def usual_shot(scenery: Scenery) -> Shot:
     return ABOVE if scenery.terrain and scenery.terrain.boxes else PLAIN
 
 
-def render_episode(
-    robot: Robot,
-    states: State,
-    path: str | Path,
-    scenery: Scenery = NOTHING,
-    fps: int = 25,
-    ghosts: Floats | None = None,
-    *,
-    dt: float = 0.01,
-    shot: Shot | None = None,
-    plans: Plans | None = None,
-) -> Path:
-    """Write an mp4 of an episode, in real time.
+@dataclass(frozen=True)
+class Film:
+    """A film of an episode, in real time.
 
-    Args:
+    Attributes:
       robot: the robot.
       states: (T,) states.
-      path: of the video; folders are made.
       scenery: around it.
       fps: frames per second.
       ghosts: (T, P, 3) predicted points to draw over it, or None; NaN is not drawn [m].
@@ -84,15 +73,66 @@ def render_episode(
         hide the robot.
       plans: predictions of a planner, to draw on the ground, or None.
 
-    Returns:
-      The path.
-
     Raises:
-      DataError: states, goal or ghosts do not fit, or the video cannot be written.
+      DataError: states, goal or ghosts do not fit.
     """
-    shot = shot or usual_shot(scenery)
-    frames = render_frames(robot, states, scenery, fps, ghosts, dt=dt, shot=shot, plans=plans)
-    return write_video(frames, path, shot.size, fps)
+
+    robot: Robot
+    states: State
+    scenery: Scenery = NOTHING
+    fps: int = 25
+    ghosts: Floats | None = None
+    dt: float = 0.01
+    shot: Shot | None = None
+    plans: Plans | None = None
+
+    def __post_init__(self) -> None:
+        shape, wanted = self.states.qpos.shape, len(self.robot.keyframe.qpos)
+        if len(shape) != 2 or shape[1] != wanted:
+            raise DataError(
+                f"A video of {self.robot.name} needs states (T, {wanted}), got {shape}."
+            )
+        goal = self.scenery.goal
+        if goal is not None and np.shape(goal) != (2,):
+            raise DataError(f"A goal is (x, y), got shape {np.shape(goal)}.")
+        drawn = (shape[0], len(self.robot.points), 3)
+        if self.ghosts is not None and self.ghosts.shape != drawn:
+            raise DataError(f"Predicted points to draw must be {drawn}, got {self.ghosts.shape}.")
+
+    def write(self, path: str | Path) -> Path:
+        """Write it as an mp4, see `write_video`."""
+        shot = self.shot or usual_shot(self.scenery)
+        return write_video(self.frames(), path, shot.size, self.fps)
+
+    def frames(self) -> Iterator[np.ndarray]:
+        """Its frames (height, width, 3) uint8."""
+        robot, states, scenery, dt, fps = self.robot, self.states, self.scenery, self.dt, self.fps
+        shot = self.shot or usual_shot(scenery)
+        model = scene(robot, scenery.terrain).compile()
+        model.vis.global_.offwidth = max(model.vis.global_.offwidth, shot.size[0])
+        model.vis.global_.offheight = max(model.vis.global_.offheight, shot.size[1])
+        data = mujoco.MjData(model)
+        times = np.arange(0, len(states.qpos) * dt, 1 / fps)
+        steps = np.minimum(np.round(times / dt).astype(int), len(states.qpos) - 1)
+        centers = np.array([_pose(model, data, states, step) for step in steps])
+        views = _smooth(centers, 1 / fps)
+        every = max(1, round(TRAIL_SECONDS * fps))
+        renderer = mujoco.Renderer(model, height=shot.size[1], width=shot.size[0])
+        try:
+            for number, step in enumerate(steps):
+                _pose(model, data, states, int(step))
+                data.light_xpos[:, :2] += views[number, :2]  # the lights move with the robot
+                camera = _camera(model, views[number], shot)
+                renderer.update_scene(data, camera)
+                draw_trail(renderer.scene, scenery, centers[: number + 1 : every])
+                draw_goal(renderer.scene, scenery, robot)
+                if self.plans is not None and (paths := self.plans.at(times[number])) is not None:
+                    draw_plan(renderer.scene, scenery, robot, paths)
+                if self.ghosts is not None:
+                    draw_ghosts(renderer.scene, robot, self.ghosts[step])
+                yield renderer.render()
+        finally:
+            renderer.close()
 
 
 def write_video(
@@ -122,60 +162,6 @@ def write_video(
         path.unlink(missing_ok=True)
         raise DataError(f"The video {path} could not be written. Is the disk full?")
     return path
-
-
-def render_frames(
-    robot: Robot,
-    states: State,
-    scenery: Scenery = NOTHING,
-    fps: int = 25,
-    ghosts: Floats | None = None,
-    *,
-    dt: float = 0.01,
-    shot: Shot | None = None,
-    plans: Plans | None = None,
-) -> Iterator[np.ndarray]:
-    """The frames (height, width, 3) uint8 that `render_episode` writes; arguments as there."""
-    _check(robot, states, scenery, ghosts)
-    shot = shot or usual_shot(scenery)
-    model = scene(robot, scenery.terrain).compile()
-    model.vis.global_.offwidth = max(model.vis.global_.offwidth, shot.size[0])
-    model.vis.global_.offheight = max(model.vis.global_.offheight, shot.size[1])
-    data = mujoco.MjData(model)
-    times = np.arange(0, len(states.qpos) * dt, 1 / fps)
-    steps = np.minimum(np.round(times / dt).astype(int), len(states.qpos) - 1)
-    centers = np.array([_pose(model, data, states, step) for step in steps])
-    views = _smooth(centers, 1 / fps)
-    every = max(1, round(TRAIL_SECONDS * fps))
-    renderer = mujoco.Renderer(model, height=shot.size[1], width=shot.size[0])
-    try:
-        for number, step in enumerate(steps):
-            _pose(model, data, states, int(step))
-            data.light_xpos[:, :2] += views[number, :2]  # the lights move with the robot
-            camera = _camera(model, views[number], shot)
-            renderer.update_scene(data, camera)
-            draw_trail(renderer.scene, scenery, centers[: number + 1 : every])
-            draw_goal(renderer.scene, scenery, robot)
-            if plans is not None and (paths := plans.at(times[number])) is not None:
-                draw_plan(renderer.scene, scenery, robot, paths)
-            if ghosts is not None:
-                draw_ghosts(renderer.scene, robot, ghosts[step])
-            yield renderer.render()
-    finally:
-        renderer.close()
-
-
-def _check(robot: Robot, states: State, scenery: Scenery, ghosts: Floats | None) -> None:
-    if states.qpos.ndim != 2 or states.qpos.shape[1] != len(robot.keyframe.qpos):
-        raise DataError(
-            f"A video of {robot.name} needs states (T, {len(robot.keyframe.qpos)}), got "
-            f"{states.qpos.shape}."
-        )
-    if scenery.goal is not None and np.shape(scenery.goal) != (2,):
-        raise DataError(f"A goal is (x, y), got shape {np.shape(scenery.goal)}.")
-    wanted = (len(states.qpos), len(robot.points), 3)
-    if ghosts is not None and ghosts.shape != wanted:
-        raise DataError(f"Predicted points to draw must be {wanted}, got {ghosts.shape}.")
 
 
 def _pose(model: mujoco.MjModel, data: mujoco.MjData, states: State, step: int) -> Floats:

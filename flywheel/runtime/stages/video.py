@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from flywheel.dynamics.plant import Scenery, states_of
-from flywheel.dynamics.plant.render import render_episode, usual_shot
+from flywheel.dynamics.plant.render import Film, usual_shot
 from flywheel.files import file_name
 from flywheel.records import Plans, State
 from flywheel.results import IterationResult, RobotResult
@@ -115,16 +115,9 @@ def _stride(dt: float) -> int:
 def _rendered(run: Run, states: State, scenery: Scenery, name: str, plans: Plans | None) -> str:
     path = f"videos/{file_name(name)}.mp4"
     try:
-        render_episode(
-            run.robot,
-            states,
-            run.folder.path / path,
-            scenery,
-            FPS,
-            dt=1.0 / FPS,
-            shot=replace(usual_shot(scenery), size=SIZE),
-            plans=plans,
-        )
+        shot = replace(usual_shot(scenery), size=SIZE)
+        film = Film(run.robot, states, scenery, FPS, dt=1.0 / FPS, shot=shot, plans=plans)
+        film.write(run.folder.path / path)
     except Exception as error:  # whatever a graphics driver throws
         run.progress.say(f"No video {path}: {error}")
         return ""

@@ -15,6 +15,7 @@ from flywheel.cli.models import open_model
 from flywheel.data.recordings import write_recording
 from flywheel.diagnosis.comparison import Comparison
 from flywheel.dynamics.gnn import ChunkNetwork, NetworkConfig, save_weights
+from flywheel.dynamics.plant import Plant
 from flywheel.errors import ConfigError
 from flywheel.records import Episode, Provenance, Trajectory
 from flywheel.reports import comparison_video
@@ -60,7 +61,7 @@ def test_the_command_writes_what_it_found_and_ends_with_the_last_models_verdict(
     def broken(*_: object, **__: object) -> None:
         raise RuntimeError("no display")
 
-    monkeypatch.setattr(comparison_video, "render_episode", broken)
+    monkeypatch.setattr(comparison_video, "Film", broken)
     monkeypatch.chdir(tmp_path)
     about = Provenance(robot.digest)
     write_recording(Episode("e", nothing_hidden[0], about, "train"), "monday.csv", robot)
@@ -89,6 +90,6 @@ def test_a_model_that_is_not_there_is_refused_with_what_is_allowed(robot: Robot)
     with pytest.raises(
         ConfigError, match=r"no model 'plnat'.*'plant', 'shipped' .*the folder of an adopted"
     ):
-        open_model("plnat", robot, "prism3", 0.01, 1)
-    named = open_model("mine=plant", robot, "prism3", 0.01, 1)
+        open_model("plnat", Plant(robot))
+    named = open_model("mine=plant", Plant(robot))
     assert (named.name, named.dynamics.history) == ("mine", 20)

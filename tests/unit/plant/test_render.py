@@ -4,7 +4,7 @@ import imageio_ffmpeg
 import numpy as np
 import pytest
 
-from flywheel.dynamics.plant import Plant, Scenery, Shot, render_episode, render_frames
+from flywheel.dynamics.plant import Film, Plant, Scenery, Shot
 from flywheel.errors import DataError
 from flywheel.records import Plans, State
 from flywheel.robots import Box, Robot, load_robot
@@ -23,7 +23,7 @@ def states(robot: Robot) -> State:
 @pytest.mark.slow
 @pytest.mark.renders
 def test_a_video_has_a_frame_for_each_moment(robot: Robot, states: State, tmp_path: Path) -> None:
-    path = render_episode(robot, states, tmp_path / "new" / "a.mp4", fps=25, shot=SMALL)
+    path = Film(robot, states, fps=25, shot=SMALL).write(tmp_path / "new" / "a.mp4")
     frames, seconds = imageio_ffmpeg.count_frames_and_secs(str(path))
     assert frames == 11  # 0.4 s and the first
     assert seconds == pytest.approx(11 / 25, abs=0.05)
@@ -35,7 +35,7 @@ def test_a_disk_without_room_for_a_video_is_told_and_no_half_of_it_is_left(
     robot: Robot, states: State, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     with files_end_at(1000), pytest.raises(DataError, match="Is the disk full"):
-        render_episode(robot, states, tmp_path / "a.mp4", fps=25)
+        Film(robot, states, fps=25).write(tmp_path / "a.mp4")
     assert list(tmp_path.iterdir()) == []
     assert complaints(capfd) == []
 
@@ -44,7 +44,7 @@ def test_a_disk_without_room_for_a_video_is_told_and_no_half_of_it_is_left(
 @pytest.mark.renders
 def test_goal_boxes_and_predictions_are_seen(robot: Robot, states: State) -> None:
     def last(**extra: object) -> np.ndarray:
-        *_, frame = render_frames(robot, states[-2:], fps=10, shot=SMALL, **extra)
+        *_, frame = Film(robot, states[-2:], fps=10, shot=SMALL, **extra).frames()
         return frame.astype(int)
 
     plain = last()
@@ -69,8 +69,8 @@ def test_goal_boxes_and_predictions_are_seen(robot: Robot, states: State) -> Non
 def test_only_the_plan_in_force_is_seen(robot: Robot, states: State) -> None:
     way = np.array([[[0.0, -2.0], [0.0, 2.0]]])
     later = Plans(np.array([0.2, 0.3]), np.stack([way, way[..., ::-1]]))
-    frames = list(render_frames(robot, states, fps=10, shot=SMALL, plans=later))
-    plain = list(render_frames(robot, states, fps=10, shot=SMALL))
+    frames = list(Film(robot, states, fps=10, shot=SMALL, plans=later).frames())
+    plain = list(Film(robot, states, fps=10, shot=SMALL).frames())
     differ = [np.abs(a.astype(int) - b).max() > 20 for a, b in zip(frames, plain, strict=True)]
     assert differ == [False, False, True, True, True]
     assert (frames[2] != frames[3]).any()
@@ -85,13 +85,9 @@ def test_walls_around_the_robot_do_not_hide_it(robot: Robot, states: State) -> N
     )
 
     def moved(shot: Shot | None) -> float:
+        among = Scenery(terrain=with_boxes(None, walls))
         first, last = (
-            next(
-                render_frames(
-                    robot, states[[i]], Scenery(terrain=with_boxes(None, walls)), shot=shot
-                )
-            ).astype(int)
-            for i in (0, -1)
+            next(Film(robot, states[[i]], among, shot=shot).frames()).astype(int) for i in (0, -1)
         )
         return float((np.abs(first - last).max(axis=-1) > 20).mean())
 
@@ -99,11 +95,10 @@ def test_walls_around_the_robot_do_not_hide_it(robot: Robot, states: State) -> N
     assert moved(Shot()) < 0.001  # from the side there are only walls, and their shadows
 
 
-def test_what_does_not_fit_is_refused(robot: Robot, states: State, tmp_path: Path) -> None:
-    path = tmp_path / "a.mp4"
+def test_what_does_not_fit_is_refused(robot: Robot, states: State) -> None:
     with pytest.raises(DataError, match=r"states \(T, 21\)"):
-        render_episode(load_robot("prism3"), states[0], path)
+        Film(load_robot("prism3"), states[0])
     with pytest.raises(DataError, match=r"goal is \(x, y\)"):
-        render_episode(robot, states, path, Scenery(goal=np.zeros(3)))
+        Film(robot, states, Scenery(goal=np.zeros(3)))
     with pytest.raises(DataError, match=r"must be \(41, 6, 3\)"):
-        render_episode(robot, states, path, ghosts=np.zeros((40, 6, 3)))
+        Film(robot, states, ghosts=np.zeros((40, 6, 3)))
