@@ -100,9 +100,7 @@ def score(
             f"{dynamics.dt} s) from where all points are in sight; give longer episodes or a shorter "
             "horizon."
         )
-    return score_windows(
-        dynamics, windows, truth=truth, datasets=datasets, winches=winches, batch=batch
-    )
+    return _score_windows(dynamics, windows, truth, datasets, winches, batch)
 
 
 def score_full(
@@ -131,9 +129,7 @@ def score_full(
             "in sight."
         )
     windows.sort(key=lambda window: window.steps)  # so that little of a batch is padding
-    return score_windows(
-        dynamics, windows, truth=truth, datasets=datasets, winches=winches, batch=WHOLE
-    )
+    return _score_windows(dynamics, windows, truth, datasets, winches, WHOLE)
 
 
 def places(episode: Episode, steps: int, earliest: int = 0) -> NDArray[np.int64]:
@@ -170,14 +166,13 @@ def score_by(
     return {name: scorer(group) for name, group in sorted(groups.items())}
 
 
-def score_windows(
+def _score_windows(
     dynamics: Dynamics,
     windows: Sequence[Window],
-    *,
-    truth: Truth | None = None,
-    datasets: Mapping[str, int] | None = None,
-    winches: KnownWinch | None = None,
-    batch: int = 256,
+    truth: Truth | None,
+    datasets: Mapping[str, int] | None,
+    winches: KnownWinch | None,
+    batch: int,
 ) -> ErrorTable:
     """Errors over given windows; in as few rollout calls as `batch` and the data sets allow."""
     table = ErrorTable.empty(dynamics.robot, dynamics.dt)

@@ -95,65 +95,32 @@ class Robot:
         return weights / weights.sum()
 
     def require_free(self, to_be: str) -> None:
-        """Reject a robot with joints, with the operation that needs free bodies.
-
-        Args:
-          to_be: the impossible operation, for the message: "dropped".
-
-        Raises:
-          RobotError: not all bodies are free.
-        """
-        if not self.free:
-            raise RobotError(
-                f"{self.name} cannot be {to_be}: it has joints, and that needs bodies that are all free "
-                "(a <freejoint/> each)."
-            )
+        """Raise a `RobotError` for a robot with joints, which cannot be, e.g., "dropped"."""
+        why = "it has joints, and that needs bodies that are all free (a <freejoint/> each)"
+        self._require(self.free, to_be, why)
 
     def require_winches(self, to_be: str) -> None:
-        """Reject a robot that cannot be commanded.
-
-        Args:
-          to_be: the impossible operation, for the message: "driven".
-
-        Raises:
-          RobotError: it has no winch.
-        """
-        if not self.winches:
-            raise RobotError(
-                f"{self.name} cannot be {to_be}: it has no winch, and nothing moves it but its start. "
-                "compare and diagnose need none."
-            )
+        """Raise a `RobotError` for a robot without winches, which cannot be, e.g., "driven"."""
+        why = "it has no winch, and nothing moves it but its start. compare and diagnose need none"
+        self._require(bool(self.winches), to_be, why)
 
     def require_rest_lengths(self, to_be: str) -> None:
-        """Reject a robot whose winches take tensions.
-
-        Args:
-          to_be: the impossible operation, for the message: "predicted by a network".
-
-        Raises:
-          RobotError: they do.
-        """
-        if self.tension_driven:
-            raise RobotError(
-                f"{self.name} cannot be {to_be}: its winches take tensions, and that needs winches that take "
-                "rest lengths or their rates."
-            )
+        """Raise a `RobotError` for winches that take tensions."""
+        why = "its winches take tensions, and that needs winches that take rest lengths or their rates"
+        self._require(not self.tension_driven, to_be, why)
 
     def require_even_winches(self, to_be: str) -> None:
-        """Reject a robot whose winches take tensions, or move cables by different amounts.
-
-        Args:
-          to_be: the impossible operation, for the message: "simulated by the truth simulator".
-
-        Raises:
-          RobotError: they do.
-        """
-        if not all(winch.alike for winch in self.winches):
-            raise RobotError(
-                f"{self.name} cannot be {to_be}: it has antagonists on one winch, and that needs winches "
-                "whose cables all change by the same amount."
-            )
+        """Raise a `RobotError` for winches that take tensions, or move cables by different amounts."""
+        why = (
+            "it has antagonists on one winch, and that needs winches whose cables all change by the same "
+            "amount"
+        )
+        self._require(all(winch.alike for winch in self.winches), to_be, why)
         self.require_rest_lengths(to_be)
+
+    def _require(self, able: bool, to_be: str, why: str) -> None:
+        if not able:
+            raise RobotError(f"{self.name} cannot be {to_be}: {why}.")
 
     @cached_property
     def ratios(self) -> Floats:
