@@ -7,6 +7,7 @@ import torch
 
 from flywheel.dynamics.gnn import ChunkNetwork, Simulator, fit_normalisation
 from flywheel.errors import RunError
+from flywheel.runtime.pool.ray_backend import _Actor
 from flywheel.training import helper as helping
 from flywheel.training.objective import Objective
 
@@ -69,3 +70,17 @@ def test_there_is_a_helper_for_each_part_but_one_where_parts_have_cores_of_their
 ):
     objective._config = make_config(device=device, processes=processes)
     assert len(objective.helpers(network)) == count
+
+
+class Training:
+    """A worker with a helper that computes for a third of a second."""
+
+    def train(self) -> None:
+        with helping.Helper(print, None) as helper:
+            assert helper._pipe.poll(60), "its process has not ended"
+
+
+def test_the_processor_time_of_a_helper_counts_for_the_job_that_it_helps(monkeypatch):
+    busy = "import time\nwhile time.process_time() < 0.3: pass"
+    monkeypatch.setattr(helping, "_BEGINNING", busy)
+    assert 0.25 < _Actor(Training, ()).work("train", "train").cpu_seconds < 3.0
