@@ -3,17 +3,25 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from inspect import getdoc
 from typing import Annotated, Literal
 
-from flywheel.quantities import DRAWS, HORIZON_SECONDS, SEED
+from flywheel.quantities import (
+    DRAWS,
+    HORIZON_SECONDS,
+    TYPICAL_SIZES,
+    HorizonSeconds,
+    Samples,
+    Seed,
+)
 
 
-def said_of(name: str, record: type) -> str:
-    """Description of one of a record's attributes in its docstring, in one line; "" for none."""
-    _, _, attributes = (getdoc(record) or "").partition("Attributes:\n")
-    for entry in re.split(r"\n(?=  \S)", attributes):
+def said_of(name: str, thing: Callable[..., object]) -> str:
+    """Description of a record's attribute, or a function's argument, in one line; "" for none."""
+    _, *found = re.split(r"^(?:Attributes|Args):\n", getdoc(thing) or "", maxsplit=1, flags=re.M)
+    for entry in re.split(r"\n(?=  \S)", "".join(found)):
         names, _, text = entry.partition(":")
         if name in names.strip().split(", "):
             return " ".join(text.split())
@@ -50,7 +58,37 @@ class ComparisonOptions:
       fit_starts: Also the errors of plants with fitted initial states; slow.
     """
 
-    horizon: Annotated[float, HORIZON_SECONDS] = 1.0
+    horizon: HorizonSeconds = 1.0
     draws: Annotated[int, DRAWS] = 100
-    seed: Annotated[int, SEED] = 0
+    seed: Seed = 0
     fit_starts: bool = False
+
+
+@dataclass(frozen=True)
+class PowerOptions:
+    """Options of the power of an experiment.
+
+    Attributes:
+      size: Size of the effects to distinguish, in typical sizes.
+      window: Length of the windows, in seconds; by default suitable for the robot.
+    """
+
+    size: Annotated[float, TYPICAL_SIZES] = 1.0
+    window: Annotated[float | None, HORIZON_SECONDS] = None
+
+
+@dataclass(frozen=True)
+class DesignOptions:
+    """Options of the design of an experiment.
+
+    Attributes:
+      size: Size of the effects, in typical sizes.
+      seconds: Length of the script, in seconds.
+      candidates: Number of drawn scripts; as many variations follow.
+      seed: Seed of all random numbers.
+    """
+
+    size: Annotated[float, TYPICAL_SIZES] = 1.0
+    seconds: HorizonSeconds = 3.0
+    candidates: Samples = 64
+    seed: Seed = 0

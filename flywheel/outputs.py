@@ -20,20 +20,19 @@ PROBE_BYTES = 4096  # one block of a disk: an empty file can be made on a full o
 LONGEST_NAME = 255  # bytes of one part of a path, on every file system in use
 
 
-def check_output(path: str | Path, what: str, error: type[FlywheelError] = DataError) -> None:
+def check_output(path: str | Path, what: str) -> None:
     """Check that a file can be written, without side effects. Missing folders will be made.
 
     Args:
       path: of the file.
       what: its kind, for the message: "page".
-      error: class to raise if the path is the cause.
 
     Raises:
-      error: it is a folder, or a file is in the place of a folder; the place is read-only; the name
+      DataError: it is a folder, or a file is in the place of a folder; the place is read-only; the name
         is too long.
       RunError: the disk is full.
     """
-    _checked(_try_file, path, f"The {what} cannot be written", error)
+    _checked(_try_file, path, f"The {what} cannot be written", DataError)
 
 
 def check_outputs(
@@ -61,6 +60,12 @@ def check_outputs(
             also = "is an input" if use == "read" else f"is the {use}, too"
             raise DataError(f"The {what} would overwrite {short(path)}, which {also}.")
         taken[place] = what
+
+
+def check_new(path: Path) -> None:
+    """Check that nothing is at a path that is not to be overwritten; raises a `DataError`."""
+    if path.exists():
+        raise DataError(f"The file {path} exists already; it is not overwritten.")
 
 
 def check_folder(path: str | Path, what: str, error: type[FlywheelError] = DataError) -> None:

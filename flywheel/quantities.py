@@ -108,6 +108,7 @@ DRAWS = Bounds(40, 10_000)  # of noise; with fewer no error could be more than i
 OptimiserSteps = Annotated[int, Bounds(1, 10_000_000)]  # at ten a second a million take a day
 THREADS = Bounds(1, 1024)  # of one process; ours gain nothing beyond a few
 Threads = Annotated[int, THREADS]
+TYPICAL_SIZES = Bounds(0.01, 1000)  # of an effect
 
 # Times.
 CONTROL_STEP = Bounds(1e-4, 10, "s")  # the shortest of motors, the longest of cranes

@@ -12,55 +12,44 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from benchmarks.diagnosis.bench import examine, listed
+from flywheel.cli.app import App
 from flywheel.cli.exits import CODES, OneCommand
 from flywheel.cli.logs.diagnose import TrainedOption
-from flywheel.cli.options import within
-from flywheel.quantities import SAMPLES, Bounds
+from flywheel.quantities import Bounds, Samples
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+app = App(add_completion=False, pretty_exceptions_enable=False)
 
 
 @app.command(cls=OneCommand, epilog=CODES)
 def diagnosis(
-    folder: Annotated[Path, typer.Argument(help="One result file per case.")],
-    robot: Annotated[str, typer.Option(help="prism3, icosa6 or platform4.")] = "prism3",
-    groups: Annotated[
-        str,
-        typer.Option(
-            help="none, single, pairs, triples, outside, hard; and for robots with small errors "
-            "in all numbers messy-none, messy-single, messy-pairs; and forms, laws outside "
-            "the library."
-        ),
-    ] = "none,single,pairs,triples,outside,hard",
-    sizes: Annotated[
-        str, typer.Option(help="Sizes of single effects, in typical sizes.")
-    ] = "0.5,1,2",
-    seeds: Annotated[int, typer.Option(help="Cases of each kind.", callback=within(SAMPLES))] = 5,
-    only: Annotated[str, typer.Option(help="Part of the names of the cases wanted.")] = "",
-    spread: Annotated[
-        float,
-        typer.Option(
-            help="Deviations of messy robots: 2 for twice as large.", callback=within(Bounds(0, 10))
-        ),
-    ] = 1.0,
-    told: Annotated[
-        bool,
-        typer.Option(
-            help=(
-                "Give the diagnosis the deviations of messy robots, for an upper bound of its "
-                "success."
-            )
-        ),
-    ] = False,
+    folder: Path,
+    *,
+    robot: str = "prism3",
+    groups: str = "none,single,pairs,triples,outside,hard",
+    sizes: str = "0.5,1,2",
+    seeds: Samples = 5,
+    only: str = "",
+    spread: Annotated[float, Bounds(0, 10)] = 1.0,
+    told: bool = False,
     model: TrainedOption = None,
-    address: Annotated[str | None, typer.Option(help="An existing Ray cluster.")] = None,
+    address: str | None = None,
 ) -> None:
     """Hide effects in recordings of another simulator, have them diagnosed, and count.
 
     Cases that have a result in the folder are not done again, so that it can be stopped at any time.
+
+    Args:
+      folder: One result file per case.
+      robot: prism3, icosa6 or platform4.
+      groups: none, single, pairs, triples, outside, hard; and for robots with small errors in all numbers
+        messy-none, messy-single, messy-pairs; and forms, laws outside the library.
+      sizes: Sizes of single effects, in typical sizes.
+      seeds: Cases of each kind.
+      only: Part of the names of the cases wanted.
+      spread: Deviations of messy robots: 2 for twice as large.
+      told: Give the diagnosis the deviations of messy robots, for an upper bound of its success.
+      address: An existing Ray cluster.
     """
     examine(
         folder,

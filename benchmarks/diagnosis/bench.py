@@ -19,11 +19,12 @@ from benchmarks.diagnosis.publishing import publish_examination
 from benchmarks.diagnosis.rates import Line, summary
 from flywheel.cli.console import console, table
 from flywheel.cli.models import open_trained
-from flywheel.cli.options import TYPICAL_SIZES, number
+from flywheel.cli.options import number
 from flywheel.errors import ConfigError, DataError
 from flywheel.evaluation.intervals import Interval
 from flywheel.files import read_json
 from flywheel.outputs import check_folder, write_output
+from flywheel.quantities import TYPICAL_SIZES
 from flywheel.registry import lookup
 from flywheel.robots import ROBOTS, load_robot
 from flywheel.runtime.pool.interrupts import StopRequest

@@ -11,46 +11,42 @@ import json
 import re
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
 
 import torch
-import typer
 
 from benchmarks.speed.benches import BENCHES, Measurement, machine
+from flywheel.cli.app import App
 from flywheel.cli.console import console, table
 from flywheel.cli.exits import CODES, OneCommand
-from flywheel.cli.options import within
 from flywheel.errors import ConfigError
 from flywheel.files import shown
 from flywheel.outputs import check_outputs, write_output
-from flywheel.quantities import EPISODE_SECONDS, THREADS
+from flywheel.quantities import THREADS, EpisodeSeconds
 from flywheel.registry import lookup
 from flywheel.robots import load_robot
 from flywheel.runtime.pool.progress import console_progress
 
 ROBOT = "prism3"  # of all measurements
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+app = App(add_completion=False, pretty_exceptions_enable=False)
 
 
 @app.command(cls=OneCommand, epilog=CODES)
 def speed(
-    threads: Annotated[str, typer.Option(help="Numbers of threads, one after the other.")] = "1,2",
-    seconds: Annotated[
-        float,
-        typer.Option(
-            help="Shortest measurement of one thing, in seconds.",
-            callback=within(EPISODE_SECONDS),
-        ),
-    ] = 1.0,
-    only: Annotated[
-        str, typer.Option(help="Only these, e.g. plant,plan; all by default.", show_default=False)
-    ] = "",
-    output: Annotated[Path, typer.Option(help="Output file for the numbers, as JSON.")] = Path(
-        "bench.json"
-    ),
+    *,
+    threads: str = "1,2",
+    seconds: EpisodeSeconds = 1.0,
+    only: str = "",
+    output: Path = Path("bench.json"),
 ) -> None:
-    """Measure this machine: plant, network, planning and store."""
+    """Measure this machine: plant, network, planning and store.
+
+    Args:
+      threads: Numbers of threads, one after the other.
+      seconds: Shortest measurement of one thing, in seconds.
+      only: Only these, e.g. plant,plan; all by default.
+      output: Output file for the numbers, as JSON.
+    """
     counts = parsed_threads(threads)
     chosen = [name.strip() for name in only.split(",") if name.strip()] or list(BENCHES)
     benches = {name: lookup(BENCHES, name, "bench") for name in chosen}

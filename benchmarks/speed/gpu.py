@@ -18,15 +18,14 @@ from typing import Annotated, Any, Literal, NamedTuple, cast
 
 import numpy as np
 import torch
-import typer
 
 from benchmarks.speed.benches import machine, planning
 from benchmarks.speed.episodes import Episodes
 from benchmarks.speed.network import STEPS as AHEAD
 from benchmarks.speed.network import rollout_call
 from benchmarks.speed.plant import SIMULATIONS, STEPS, contenders
+from flywheel.cli.app import App
 from flywheel.cli.exits import CODES, OneCommand
-from flywheel.cli.options import within
 from flywheel.data import WindowCache
 from flywheel.dynamics.arithmetic import Device
 from flywheel.dynamics.gnn import (
@@ -171,18 +170,23 @@ def named(shape: NetworkConfig) -> str:
     return f"{'paper' if shape.edge_updates else 'lean'} of width {shape.width}"
 
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+app = App(add_completion=False, pretty_exceptions_enable=False)
 
 
 @app.command(cls=OneCommand, epilog=CODES)
 def gpu(
-    device: Annotated[Literal["cuda", "cpu"], typer.Option(help="To be measured.")] = "cuda",
-    minutes: Annotated[
-        float, typer.Option(help="In all.", callback=within(Bounds(0, 1000)))
-    ] = 12.0,
-    dry: Annotated[bool, typer.Option(help="Tiny sizes on the processor: a test.")] = False,
+    *,
+    device: Literal["cuda", "cpu"] = "cuda",
+    minutes: Annotated[float, Bounds(0, 1000)] = 12.0,
+    dry: bool = False,
 ) -> None:
-    """Measure a GPU: training, predictions and plans, beside one core and MuJoCo on all."""
+    """Measure a GPU: training, predictions and plans, beside one core and MuJoCo on all.
+
+    Args:
+      device: To be measured.
+      minutes: In all.
+      dry: Tiny sizes on the processor: a test.
+    """
     place: Device = "cpu" if dry else device
     check_device(place, "--device")
     torch.set_num_threads(1)

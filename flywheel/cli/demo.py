@@ -13,11 +13,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from flywheel.cli.console import Out, console, table
-from flywheel.cli.options import ThreadsOption, within
-from flywheel.quantities import DEMO_SECONDS, SEED
+from flywheel.quantities import SEED, DemoSeconds, Threads
 
 if TYPE_CHECKING:
     from flywheel.demo.demonstration import Demonstration
@@ -26,32 +23,6 @@ if TYPE_CHECKING:
 ROBOT, SECONDS = "prism3", 3.0
 SEEDS = 10_000  # that are drawn from: short enough to be typed again
 DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")  # where one of these is set, a browser has a place
-
-RobotOption = Annotated[str, typer.Option(help="Your .xml, or a shipped robot's name.")]
-EffectOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="NAME[@PLACE][:SIZE]",
-        help="The robot's effect beyond its MJCF: torque_speed:2 is twice its typical size, none "
-        "is nothing. Drawn by default.",
-    ),
-]
-SeedOption = Annotated[
-    int | None,
-    typer.Option(
-        help="Seed of all random numbers; a new one each time by default.", callback=within(SEED)
-    ),
-]
-SecondsOption = Annotated[
-    float, typer.Option(help="Length of each recording, in seconds.", callback=within(DEMO_SECONDS))
-]
-ShowOption = Annotated[
-    bool | None,
-    typer.Option(
-        "--show/--no-show",
-        help="Open the page in a browser; by default on a terminal with a screen.",
-    ),
-]
 
 
 @dataclass(frozen=True)
@@ -71,13 +42,14 @@ class Narrator:
 
 
 def demo(
-    robot: RobotOption = ROBOT,
-    effect: EffectOption = None,
-    seed: SeedOption = None,
-    seconds: SecondsOption = SECONDS,
-    threads: ThreadsOption = 2,
-    page: Annotated[Path, typer.Option(help="Output file of the HTML page.")] = Path("demo.html"),
-    show: ShowOption = None,
+    *,
+    robot: str = ROBOT,
+    effect: Annotated[str | None, "NAME[@PLACE][:SIZE]"] = None,
+    seed: Annotated[int | None, SEED] = None,
+    seconds: DemoSeconds = SECONDS,
+    threads: Threads = 2,
+    page: Path = Path("demo.html"),
+    show: Annotated[bool | None, "--show/--no-show"] = None,
 ) -> None:
     """Hide physics missing from the MJCF in a simulated robot, and try to identify it.
 
@@ -90,6 +62,16 @@ def demo(
     flywheel demo
 
     flywheel demo --effect cable_friction:2 --seed 7
+
+    Args:
+      robot: Your .xml, or a shipped robot's name.
+      effect: The robot's effect beyond its MJCF: torque_speed:2 is twice its typical size, none is
+        nothing. Drawn by default.
+      seed: Seed of all random numbers; a new one each time by default.
+      seconds: Length of each recording, in seconds.
+      threads: Simulations at the same time.
+      page: Output file of the HTML page.
+      show: Open the page in a browser; by default on a terminal with a screen.
     """
     from flywheel.demo.demonstration import DemoConfig, demonstrate, drawn_effect, hidden_truth
     from flywheel.demo.page import write_demo

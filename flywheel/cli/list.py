@@ -7,13 +7,13 @@ from enum import StrEnum
 from importlib import import_module
 from itertools import takewhile
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 from rich.table import Table
 
 from flywheel.cli.console import console, first_line, table
-from flywheel.cli.options import EffectsFromOption
+from flywheel.cli.options import LawFiles
 
 if TYPE_CHECKING:
     from flywheel.runtime.config.run_config import RunConfig
@@ -37,8 +37,9 @@ class Kind(StrEnum):
 
 
 def list_(
-    kind: Annotated[Kind, typer.Argument(help="Kind of names.")],
-    effects_from: EffectsFromOption = None,
+    kind: Kind,
+    *,
+    effects_from: LawFiles = (),
 ) -> None:
     """List available robots, tasks, models, effects, settings and so on.
 
@@ -47,13 +48,17 @@ def list_(
     flywheel list robots
 
     flywheel list effects --effects-from my_laws.py [dim](also checks the file)[/dim]
+
+    Args:
+      kind: Kind of names.
+      effects_from: A Python file with effects of your own, which is run. Repeatable.
     """
     if effects_from and kind is not Kind.effects:
         raise typer.BadParameter(f"--effects-from is for effects, not for {kind.value}.")
     console().print(effects(effects_from) if kind is Kind.effects else LISTS[kind.value]())
 
 
-def effects(effects_from: Sequence[Path] | None = None) -> Table:
+def effects(effects_from: Sequence[Path] = ()) -> Table:
     """The effects of the library, and of law files, which are tested on a shipped robot."""
     from flywheel.cli.models import Library
     from flywheel.dynamics.plant import Plant

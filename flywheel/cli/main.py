@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from flywheel.cli.app import App
 from flywheel.cli.demo import demo
 from flywheel.cli.driving.drive import drive
 from flywheel.cli.driving.navigate import navigate
@@ -31,7 +32,7 @@ RUNS = "Runs of the flywheel"
 LOGS = "Logs of a real robot"
 YOURS = "Your robot"
 
-app = typer.Typer(
+app = App(
     name="flywheel",
     cls=Commands,
     no_args_is_help=True,

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self
 
+from flywheel.cli.options import PlantOptions
 from flywheel.cli.runs.opening import open_run
 from flywheel.diagnosis.comparison import Subject
 from flywheel.dynamics.baselines.named import BASELINES
@@ -61,13 +62,13 @@ class Library:
     known: Mapping[str, Effect] = field(default_factory=lambda: NAMED)
 
     @classmethod
-    def of(cls, paths: Sequence[Path] | None) -> Self:
+    def of(cls, paths: Sequence[Path]) -> Self:
         """The library of the package, with the effects of law files, which are run.
 
         Raises:
           ConfigError: a law file cannot be used, see `with_laws`.
         """
-        files = tuple(LawFile.read(path) for path in paths or ())
+        files = tuple(LawFile.read(path) for path in paths)
         check_different(files)
         return cls(files, with_laws(files))
 
@@ -132,6 +133,12 @@ def open_plant(name: str, dt: float, threads: int = 1, library: Library = BUILT_
     return with_effects(plant, adopted.terms(robot, library.known))
 
 
+def opened(chosen: PlantOptions) -> tuple[Plant, Library]:
+    """The plant of a command, and the library of its effects; raises as `open_plant` and `Library.of`."""
+    library = Library.of(chosen.effects_from)
+    return open_plant(chosen.robot, chosen.dt, chosen.threads, library), library
+
+
 def about_plant(plant: Plant) -> dict[str, str]:
     """Lines about a plant, for the head of a page."""
     robot = plant.robot
@@ -142,31 +149,26 @@ def about_plant(plant: Plant) -> dict[str, str]:
     }
 
 
-def open_model(
-    spec: str, robot: Robot, robot_name: str, dt: float, threads: int, library: Library = BUILT_IN
-) -> Subject:
+def open_model(spec: str, plant: Plant, library: Library = BUILT_IN) -> Subject:
     """The model of `[LABEL=]SPEC`.
 
     Args:
       spec: see `ALLOWED`.
-      robot: to be predicted.
-      robot_name: as given.
-      dt: control step of plants [s].
-      threads: of the model.
-      library: of the effects of plants.
+      plant: of the robot to be predicted, whose control step and threads are the model's.
+      library: of the effects of other plants.
 
     Raises:
       ConfigError, DataError, ModelError, UnknownNameError: there is none, or it does not fit.
     """
     label, _, what = spec.rpartition("=")
-    name = label or what
+    name, dt, threads = label or what, plant.dt, plant.threads
     if what == PLANT:
-        return Subject.of_plant(name, open_plant(robot_name, dt, threads, library))
+        return Subject.of_plant(name, plant)
     if what in BASELINES:
-        return Subject(name, BASELINES[what](robot, dt, threads))
+        return Subject(name, BASELINES[what](plant.robot, dt, threads))
     if adopted_file(what) is not None:
         return Subject.of_plant(name, open_plant(what, dt, threads, library))
-    return open_trained(spec, robot).subject(robot, threads)
+    return open_trained(spec, plant.robot).subject(plant.robot, threads)
 
 
 def open_trained(spec: str, robot: Robot) -> TrainedModel:

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
-from flywheel.quantities import CONTROL_STEP, FACTOR, HORIZON_SECONDS, THREADS, Bounds
+from flywheel.quantities import FACTOR, Bounds, ControlStep, Threads
 
 if TYPE_CHECKING:
     from flywheel.robots import Robot
 
 N = TypeVar("N", int, float, None)
 CHAMPION = "champion"  # the model of a run that its gate let pass
-TYPICAL_SIZES = Bounds(0.01, 1000)  # of an effect
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 
 
@@ -35,45 +35,44 @@ RunArgument = Annotated[
     Path, typer.Argument(metavar="RUN", help="A run's folder, e.g. runs/prism3.")
 ]
 Overrides = Annotated[
-    list[str] | None,
+    tuple[str, ...],
     typer.Argument(
         metavar="[KEY=VALUE]...",
         help="Settings to change, by their path in the configuration, e.g. mppi.samples=64.",
     ),
 ]
-PlantOption = Annotated[
-    str, typer.Option(help="Your .xml, a shipped robot's name, or an adopted plant's folder.")
-]
-EffectsOption = Annotated[
-    str, typer.Option(help="Effects to consider, by name; all of the library by default.")
-]
-EffectsFromOption = Annotated[
-    list[Path] | None,
+LawFiles = Annotated[tuple[Path, ...], "PY"]
+SettingStatements = Annotated[
+    tuple[str, ...],
     typer.Option(
-        metavar="PY", help="A Python file with effects of your own, which is run. Repeatable."
+        "--set",
+        metavar="SETTING=NUMBER",
+        help="Value of a setting, such as limits.threshold=36; `flywheel list settings` shows "
+        "them. Repeatable.",
     ),
 ]
-WindowOption = Annotated[
-    float | None,
-    typer.Option(
-        help="Length of the windows, in seconds; by default suitable for the robot.",
-        callback=within(HORIZON_SECONDS),
-    ),
-]
-NoiseOption = Annotated[
-    str,
-    typer.Option(
-        help="Noise of each coordinate: a fraction of the robot's length, or a length (9mm)."
-    ),
-]
-DtOption = Annotated[
-    float, typer.Option(help="Control step, in seconds.", callback=within(CONTROL_STEP))
-]
-ThreadsOption = Annotated[
-    int, typer.Option(help="Simulations at the same time.", callback=within(THREADS))
-]
-PageOption = Annotated[Path | None, typer.Option(help="Output file of an HTML page.")]
-JsonOption = Annotated[Path | None, typer.Option(help="Output file of the answer as JSON.")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlantOptions:
+    """The plant that a command asks or tests.
+
+    Attributes:
+      robot: Your .xml, a shipped robot's name, or an adopted plant's folder.
+      effects_from: A Python file with effects of your own, which is run. Repeatable.
+      dt: Control step, in seconds.
+      threads: Simulations at the same time.
+    """
+
+    robot: str
+    effects_from: LawFiles = ()
+    dt: ControlStep = 0.01
+    threads: Threads = 2
+
+    @property
+    def files(self) -> tuple[str | Path, ...]:
+        """Paths that no output may overwrite."""
+        return (*self.effects_from, self.robot)
 
 
 def number(text: str, what: str, bounds: Bounds) -> float:

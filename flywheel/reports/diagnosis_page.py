@@ -54,17 +54,7 @@ def diagnosis_page(found: Diagnosis, about: Mapping[str, str]) -> str:
         found=found,
         sentence=sentence(found),
         other_form=other_form(found),
-        numbers=numbers(found),
-        held_back=held_back(found),
-        interrupted=interrupted(found),
-        failures=failures(found),
-        scale=scale(found),
-        gains=gains(found),
-        forms=forms(found),
-        as_built=as_built(found),
-        at_bounds=at_bounds(found),
-        suspects=suspects(found),
-        first_lengths=first_lengths(found),
+        **{note.__name__: note(found) for note in NOTES},
         figures=shown(PICTURES, found),
         about=about,
         limits=LIMITS,
@@ -379,3 +369,19 @@ def _subject(found: Diagnosis) -> str:
 def _names(answer: Alternative) -> str:
     *others, last = [each.described for each in answer] or ["nothing"]
     return f"{', '.join(others)} and {last}" if others else last
+
+
+NOTES = (
+    interrupted,
+    failures,
+    scale,
+    forms,
+    gains,
+    as_built,
+    at_bounds,
+    first_lengths,
+    suspects,
+    held_back,
+    numbers,
+)
+"""Remarks on an answer, "" for none, in the order of the console."""

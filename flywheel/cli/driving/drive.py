@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,10 +11,7 @@ import typer
 
 from flywheel.cli.console import Out, console
 from flywheel.cli.driving.navigate import (
-    EpisodesOption,
-    PictureOption,
-    ResultsOption,
-    SeedOption,
+    EpisodesOptions,
     SourceArgument,
     checked_source,
     new_logs,
@@ -22,7 +19,6 @@ from flywheel.cli.driving.navigate import (
 )
 from flywheel.cli.exits import FAILED, INTERRUPTED
 from flywheel.cli.options import CHAMPION, Overrides
-from flywheel.cli.records import with_records
 from flywheel.cli.robot.stand_in import StandInOptions
 
 if TYPE_CHECKING:
@@ -38,49 +34,19 @@ ENDINGS = {
     "failed": "[red]the planner failed after {seconds:.1f} s[/red]",
     "stopped": "[yellow]stopped after {seconds:.1f} s[/yellow]",
 }
-RobotOption = Annotated[
-    str,
-    typer.Option(
-        metavar="ROBOT",
-        help=(
-            "simulated (a stand-in), tcp://HOST:PORT, ros://HOST:PORT, or MODULE:CLASS of your own."
-        ),
-    ),
-]
-ModelOption = Annotated[
-    str,
-    typer.Option(
-        help="champion, an iteration's number, plant (the MJCF with adopted effects), residual "
-        "(that plant, corrected by a network), shipped (the network that comes with "
-        "Flywheel), a baseline (flywheel list models), or a file of weights."
-    ),
-]
-ArgumentsOption = Annotated[
-    list[str] | None,
-    typer.Option("--argument", metavar="KEY=VALUE", help="Argument of your own link."),
-]
-LogsOption = Annotated[
-    Path,
-    typer.Option(
-        metavar="FOLDER", help="Output folder: each episode as CSV, in the format of a robot's log."
-    ),
-]
 CODES = {"lost": FAILED, "failed": FAILED, "stopped": INTERRUPTED}
 
 
-@with_records
 def drive(
     source: SourceArgument,
-    overrides: Overrides = None,
-    robot: RobotOption = "simulated",
-    model: ModelOption = CHAMPION,
-    seed: SeedOption = 0,
-    episodes: EpisodesOption = 1,
+    overrides: Overrides = (),
+    *,
+    robot: Annotated[str, "ROBOT"] = "simulated",
+    model: str = CHAMPION,
+    asked: EpisodesOptions = EpisodesOptions(),
     stand_in: StandInOptions = StandInOptions(),
-    arguments: ArgumentsOption = None,
-    logs: LogsOption = Path("drives"),
-    results: ResultsOption = None,
-    picture: PictureOption = None,
+    arguments: Annotated[tuple[str, ...], "--argument", "KEY=VALUE"] = (),
+    logs: Annotated[Path, "FOLDER"] = Path("drives"),
 ) -> None:
     """Drive a robot to goals with MPPI, and log the measurements.
 
@@ -97,34 +63,37 @@ def drive(
     flywheel drive runs/prism3 --robot tcp://127.0.0.1:7420 --episodes 3
 
     flywheel drive prism3 --model plant --robot my_lab:MyRobot --argument port=/dev/ttyUSB0
+
+    Args:
+      robot: simulated (a stand-in), tcp://HOST:PORT, ros://HOST:PORT, or MODULE:CLASS of your own.
+      model: champion, an iteration's number, plant (the MJCF with adopted effects), residual (that plant,
+        corrected by a network), shipped (the network that comes with Flywheel), a baseline (flywheel list
+        models), or a file of weights.
+      arguments: Argument of your own link.
+      logs: Output folder: each episode as CSV, in the format of a robot's log.
     """
     from flywheel.cli.driving.driver import RobotDriver
-    from flywheel.cli.driving.drives import read_drives
 
-    out = console()
-    place = checked_source(source, {"results": results, "picture": picture}, logs)
-    there = read_drives(results) if results else []
-    way = _arguments(arguments or [])
-    driver = RobotDriver(place, tuple(overrides or ()), model, robot, stand_in.config(), way)
+    out, place, there = console(), checked_source(source, asked, logs), asked.there()
+    way = _arguments(arguments)
+    driver = RobotDriver(place, overrides, model, robot, stand_in.config(), way)
     try:
-        driven = {drive.seed for drive in there if drive.setting == driver.setting}
-        seeds = [each for each in range(seed, seed + episodes) if each not in driven]
-        if len(seeds) < episodes:
-            out.say(f"{episodes - len(seeds)} of {episodes} episodes are in {results} already.")
+        seeds = asked.left(there, driver.setting)
+        if done := asked.episodes - len(seeds):
+            out.say(f"{done} of {asked.episodes} episodes are in {asked.results} already.")
         files = new_logs(logs, model, seeds)
-        lines, ended = _drive_all(out, driver, files, results)
+        lines, ended = _drive_all(out, driver, files, asked)
     finally:
         driver.link.close()
-    show_drives(out, [*there, *lines], picture)
+    show_drives(out, [*there, *lines], asked.picture)
     if ended in CODES:
         raise typer.Exit(CODES[ended])
 
 
 def _drive_all(
-    out: Out, driver: RobotDriver, files: Mapping[int, Path], results: Path | None
+    out: Out, driver: RobotDriver, files: Mapping[int, Path], asked: EpisodesOptions
 ) -> tuple[list[DriveLine], str]:
     """Drive one episode for each seed, until one of them ends early; returns the end of the last one."""
-    from flywheel.cli.driving.drives import append_drive
     from flywheel.data.recordings import write_recording
     from flywheel.runtime.pool.progress import console_progress
 
@@ -137,8 +106,7 @@ def _drive_all(
         write_recording(driven.episode, file, driver.robot)
         transcript.unlink()
         lines.append(driver.line(seed, driven, begun))
-        if results:
-            append_drive(results, lines[-1])
+        asked.keep(lines[-1])
         ended, walk = driven.ended, lines[-1].walk
         words = ENDINGS[ended].format(seconds=walk.seconds, distance=walk.distance)
         out.print(f"Seed {seed}: {words}. {_remarks(driven.late_plans, driven.skipped)}{file}")
@@ -158,7 +126,7 @@ def _remarks(late: int, skipped: int) -> str:
     return " ".join([*words, ""])
 
 
-def _arguments(texts: list[str]) -> dict[str, str]:
+def _arguments(texts: Sequence[str]) -> dict[str, str]:
     """KEY=VALUE as a dictionary."""
     from flywheel.errors import ConfigError
 

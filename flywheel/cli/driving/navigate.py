@@ -2,30 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from enum import StrEnum
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from flywheel.cli.console import Out, console
-from flywheel.cli.options import CHAMPION, Overrides, within
-from flywheel.quantities import SAMPLES, SEED
+from flywheel.cli.options import CHAMPION, Overrides
+from flywheel.quantities import Samples, Seed
 
 if TYPE_CHECKING:
     from flywheel.cli.driving.driver import PlantDriver
-    from flywheel.cli.driving.drives import DriveLine
+    from flywheel.cli.driving.drives import DriveLine, Setting
     from flywheel.records import Episode
     from flywheel.runtime.pool.progress import Progress
-
-
-class Planner(StrEnum):
-    """Controllers that go to goals."""
-
-    mppi = "mppi"
-    astar = "astar"
-
 
 SourceArgument = Annotated[
     str,
@@ -41,66 +33,60 @@ ModelOption = Annotated[
         "(the plant itself), a baseline (flywheel list models), or a file of weights."
     ),
 ]
-ControllerOption = Annotated[
-    Planner,
-    typer.Option(
-        help="mppi, or astar (prism3): a search for gait cycles that are measured on --model oracle."
-    ),
-]
-SeedOption = Annotated[
-    int, typer.Option(help="Seed of the task and of the planner.", callback=within(SEED))
-]
-EpisodesOption = Annotated[
-    int,
-    typer.Option(help="Number of episodes, with seeds from --seed on.", callback=within(SAMPLES)),
-]
-HiddenOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="EFFECT[@PLACE][:SIZE]",
-        help="Hidden effect of the plant beyond its MJCF: torque_speed:2 is twice its typical "
-        "size. Or the path of an adopted plant.",
-    ),
-]
-WatchOption = Annotated[bool, typer.Option("--watch", help="Show it live on a display.")]
-FilmOption = Annotated[bool, typer.Option(help="Make a video of the first episode.")]
-VideoOption = Annotated[
-    Path | None,
-    typer.Option(help="Output file of the video; navigate-<model>-<seed>.mp4 by default."),
-]
-ResultsOption = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="JSONL",
-        help="Output file with a line per episode; existing lines are not driven again.",
-    ),
-]
-PictureOption = Annotated[
-    Path | None,
-    typer.Option(metavar="PNG", help="Picture of all paths in the results, from above."),
-]
-LogsOption = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="FOLDER", help="Output folder: each episode as CSV, in the format of a robot's log."
-    ),
-]
+
+
+@dataclass(frozen=True)
+class EpisodesOptions:
+    """Episodes that are driven, and their results.
+
+    Attributes:
+      seed: Seed of the task and of the planner.
+      episodes: Number of episodes, with seeds from --seed on.
+      results: Output file with a line per episode; existing lines are not driven again.
+      picture: Picture of all paths in the results, from above.
+    """
+
+    seed: Seed = 0
+    episodes: Samples = 1
+    results: Annotated[Path | None, "JSONL"] = None
+    picture: Annotated[Path | None, "PNG"] = None
+
+    @property
+    def seeds(self) -> range:
+        """Seed of each episode."""
+        return range(self.seed, self.seed + self.episodes)
+
+    def there(self) -> list[DriveLine]:
+        """The existing lines of the results."""
+        from flywheel.cli.driving.drives import read_drives
+
+        return read_drives(self.results) if self.results else []
+
+    def left(self, there: Sequence[DriveLine], setting: Setting) -> list[int]:
+        """Seeds that were not driven in this setting."""
+        driven = {drive.seed for drive in there if drive.setting == setting}
+        return [seed for seed in self.seeds if seed not in driven]
+
+    def keep(self, drive: DriveLine) -> None:
+        """Append a line to the results, if requested."""
+        from flywheel.cli.driving.drives import append_drive
+
+        if self.results:
+            append_drive(self.results, drive)
 
 
 def navigate(
     source: SourceArgument,
-    overrides: Overrides = None,
+    overrides: Overrides = (),
+    *,
     model: ModelOption = CHAMPION,
-    controller: ControllerOption = Planner.mppi,
-    seed: SeedOption = 0,
-    episodes: EpisodesOption = 1,
-    hidden: HiddenOption = None,
-    watch: WatchOption = False,
-    film: FilmOption = True,
-    video: VideoOption = None,
-    results: ResultsOption = None,
-    picture: PictureOption = None,
-    logs: LogsOption = None,
+    controller: Literal["mppi", "astar"] = "mppi",
+    asked: EpisodesOptions = EpisodesOptions(),
+    hidden: Annotated[tuple[str, ...], "EFFECT[@PLACE][:SIZE]"] = (),
+    watch: Annotated[bool, "--watch"] = False,
+    film: bool = True,
+    video: Path | None = None,
+    logs: Annotated[Path | None, "FOLDER"] = None,
 ) -> None:
     """Drive to goals with MPPI or A*, and make a video.
 
@@ -113,41 +99,46 @@ def navigate(
     flywheel navigate runs/s_course task.course=maze --episodes 10 --results maze.jsonl --picture maze.png
 
     flywheel navigate runs/s_course --hidden torque_speed --episodes 10 --logs logs/
+
+    Args:
+      controller: mppi, or astar (prism3): a search for gait cycles that are measured on --model oracle.
+      hidden: Hidden effect of the plant beyond its MJCF: torque_speed:2 is twice its typical size. Or the
+        path of an adopted plant.
+      watch: Show it live on a display.
+      film: Make a video of the first episode.
+      video: Output file of the video; navigate-<model>-<seed>.mp4 by default.
+      logs: Output folder: each episode as CSV, in the format of a robot's log.
     """
     from flywheel.cli.driving.driver import PlantDriver
-    from flywheel.cli.driving.drives import append_drive, read_drives
     from flywheel.data.recordings import write_recording
     from flywheel.files import file_name
     from flywheel.runtime.pool.progress import console_progress
 
     out, progress = console(), console_progress()
-    video = (video or Path(f"navigate-{file_name(model)}-{seed}.mp4")) if film else None
-    outputs = {"results": results, "picture": picture, "video": video}
-    place = checked_source(source, outputs, logs)
-    driver = PlantDriver(place, tuple(overrides or ()), model, tuple(hidden or ()), controller)
-    there = read_drives(results) if results else []
-    driven = {drive.seed for drive in there if drive.setting == driver.setting}
-    seeds = range(seed, seed + episodes)
-    log_of = new_logs(logs, model, [each for each in seeds if each not in driven]) if logs else {}
-    for number, each in enumerate(seeds):
-        if each in driven:
-            out.say(f"Seed {each} is in {results} already.")
+    video = (video or Path(f"navigate-{file_name(model)}-{asked.seed}.mp4")) if film else None
+    place = checked_source(source, asked, logs, video)
+    driver = PlantDriver(place, overrides, model, hidden, controller)
+    left = asked.left(there := asked.there(), driver.setting)
+    log_of = new_logs(logs, model, left) if logs else {}
+    for number, each in enumerate(asked.seeds):
+        if each not in left:
+            out.say(f"Seed {each} is in {asked.results} already.")
             continue
-        label = f"navigate {number + 1}/{episodes}" if episodes > 1 else "navigate"
-        with progress.stage(label, 1.0) as stage:
+        with progress.stage(f"navigate {number + 1}/{asked.episodes}", 1.0) as stage:
             drive, episode = driver.drive(each, stage, watch)
         there.append(drive)
         if each in log_of:
             write_recording(episode, log_of[each], driver.robot)
-        if results:
-            append_drive(results, drive)
+        asked.keep(drive)
         out.print(f"Seed {each}: {_ending(drive)}", highlight=False)
         if video and number == 0:
             _film(out, progress, driver, episode, each, video)
-    show_drives(out, there, picture)
+    show_drives(out, there, asked.picture)
 
 
-def checked_source(source: str, outputs: Mapping[str, Path | None], logs: Path | None) -> Path:
+def checked_source(
+    source: str, asked: EpisodesOptions, logs: Path | None, video: Path | None = None
+) -> Path:
     """The folder of a run, or the file of a configuration; checks the outputs before minutes of driving.
 
     Raises:
@@ -159,6 +150,7 @@ def checked_source(source: str, outputs: Mapping[str, Path | None], logs: Path |
     from flywheel.runtime.config.shipped import config_file
 
     place = Path(source) if Path(source).is_dir() else config_file(source)
+    outputs = {"results": asked.results, "picture": asked.picture, "video": video}
     check_outputs(outputs, inputs=[place])
     if logs is not None:
         check_folder(logs, "folder of the logs")

@@ -5,33 +5,21 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from flywheel.cli.console import console, table
-from flywheel.cli.options import EffectsFromOption, within
+from flywheel.cli.options import LawFiles
 from flywheel.quantities import Bounds
 
 if TYPE_CHECKING:
     from flywheel.effects import AdoptedPlant
 
-ANSWERS = Bounds(1, 1000)
-AnswerOption = Annotated[
-    int | None,
-    typer.Option(
-        help="Number of the answer, from 1; also accepts answers rejected by held-out recordings.",
-        callback=within(ANSWERS),
-    ),
-]
-
 
 def adopt(
-    answer_file: Annotated[
-        Path, typer.Argument(metavar="JSON", help="Output of `flywheel diagnose --json`.")
-    ],
-    robot: Annotated[str, typer.Option(help="Robot of the diagnosis, as given there.")],
-    out: Annotated[Path, typer.Option(help="Folder of the versions.")] = Path("plants"),
-    answer: AnswerOption = None,
-    effects_from: EffectsFromOption = None,
+    answer_file: Annotated[Path, "JSON"],
+    *,
+    robot: str,
+    out: Path = Path("plants"),
+    answer: Annotated[int | None, Bounds(1, 1000)] = None,
+    effects_from: LawFiles = (),
 ) -> None:
     """Add the identified effects to the plant, as a new version of it.
 
@@ -40,6 +28,13 @@ def adopt(
     [bold]Example[/bold]
 
     flywheel adopt answer.json --robot my_robot.xml
+
+    Args:
+      answer_file: Output of `flywheel diagnose --json`.
+      robot: Robot of the diagnosis, as given there.
+      out: Folder of the versions.
+      answer: Number of the answer, from 1; also accepts answers rejected by held-out recordings.
+      effects_from: A Python file with effects of your own, which is run. Repeatable.
     """
     from flywheel.cli.models import Library, adopted_file
     from flywheel.diagnosis import adoption

@@ -9,14 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from flywheel.cli.console import Out, console, table
-from flywheel.cli.options import (
-    DtOption,
-    EffectsFromOption,
-    JsonOption,
-    PlantOption,
-    ThreadsOption,
-)
-from flywheel.cli.records import with_records
+from flywheel.cli.options import PlantOptions
 from flywheel.options import ComparisonOptions
 
 if TYPE_CHECKING:
@@ -25,37 +18,16 @@ if TYPE_CHECKING:
 MILLI = 1000.0
 WORST_BINS = 3  # of each criterion that are shown
 
-Models = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="[LABEL=]SPEC",
-        help="plant (the default), an adopted plant's folder, a run's folder (its champion), "
-        "RUN:NAME, a baseline (flywheel list models), or a file of weights (also those of `flywheel "
-        "correct` and `fit`). Repeatable.",
-    ),
-]
-VideoOption = Annotated[
-    Path | None,
-    typer.Option(
-        help="Output file (mp4) of the last model's worst window, in addition to the page."
-    ),
-]
 
-
-@with_records
 def compare(
-    recordings: Annotated[list[Path], typer.Argument(metavar="CSV...", help="Logs to predict.")],
-    robot: PlantOption,
-    model: Models = None,
-    effects_from: EffectsFromOption = None,
+    recordings: Annotated[list[Path], "CSV..."],
+    *,
+    chosen: PlantOptions,
+    model: Annotated[tuple[str, ...], "[LABEL=]SPEC"] = (),
     options: ComparisonOptions = ComparisonOptions(),
-    dt: DtOption = 0.01,
-    threads: ThreadsOption = 2,
-    page: Annotated[Path, typer.Option(help="Output file of the HTML page.")] = Path(
-        "comparison.html"
-    ),
-    json: JsonOption = None,
-    video: VideoOption = None,
+    page: Path = Path("comparison.html"),
+    json: Path | None = None,
+    video: Path | None = None,
 ) -> None:
     """Compare models with recordings: is the error more than noise, and where is it?
 
@@ -64,28 +36,37 @@ def compare(
     [bold]Example[/bold]
 
     flywheel compare monday.csv --robot my_robot.xml --model before=plant --model after=plants/my_robot-1
+
+    Args:
+      recordings: Logs to predict.
+      model: plant (the default), an adopted plant's folder, a run's folder (its champion), RUN:NAME, a
+        baseline (flywheel list models), or a file of weights (also those of `flywheel correct` and
+        `fit`). Repeatable.
+      page: Output file of the HTML page.
+      json: Output file of the answer as JSON.
+      video: Output file (mp4) of the last model's worst window, in addition to the page.
     """
     from flywheel.cli.logs.reading import read_logs
-    from flywheel.cli.models import PLANT, Library, open_model, open_plant
+    from flywheel.cli.models import PLANT, open_model, opened
     from flywheel.diagnosis import comparison
     from flywheel.outputs import check_outputs
     from flywheel.runtime.config.demand import check_predictions
 
-    check_predictions(options.draws, options.horizon, dt, "--draws, --horizon, --dt")
-    inputs: list[str | Path] = [*recordings, *(effects_from or []), robot]
-    check_outputs({"page": page, "JSON": json, "video": video}, inputs=inputs)
-    out, specs, library = console(), model or [PLANT], Library.of(effects_from)
-    predicted = open_plant(robot, dt, library=library).robot
-    models = [open_model(spec, predicted, robot, dt, threads, library) for spec in specs]
-    logs = read_logs(recordings, predicted, dt, out)
+    check_predictions(options.draws, options.horizon, chosen.dt, "--draws, --horizon, --dt")
+    outputs = {"page": page, "JSON": json, "video": video}
+    check_outputs(outputs, inputs=[*recordings, *chosen.files])
+    out, specs, (plant, library) = console(), model or (PLANT,), opened(chosen)
+    robot = plant.robot
+    models = [open_model(spec, plant, library) for spec in specs]
+    logs = read_logs(recordings, robot, plant.dt, out)
     names, tracks = [each.name for each in logs], [each.trajectory for each in logs]
     found = comparison.compare(models, tracks, options, names)
     _show(out, found)
     about = {
-        "robot": f"{predicted.name} ({predicted.digest[:12]})",
+        "robot": f"{robot.name} ({robot.digest[:12]})",
         "models": ", ".join(specs),
         "recordings": ", ".join(path.name for path in recordings),
-        "control step": f"{dt:g} s",
+        "control step": f"{plant.dt:g} s",
         **library.about,
     }
     out.say(f"Page: {_page(out, found, page, about, video)}")

@@ -10,8 +10,8 @@ import typer
 
 from flywheel.cli.console import Out, console, table
 from flywheel.cli.exits import end_if_stopped
-from flywheel.cli.options import DtOption, JsonOption, PlantOption, ThreadsOption, number, within
-from flywheel.quantities import HORIZON_SECONDS, SEED, Bounds
+from flywheel.cli.options import number
+from flywheel.quantities import Bounds, ControlStep, HorizonSeconds, Seed, Threads
 
 if TYPE_CHECKING:
     from flywheel.training.residual import ResidualResult
@@ -22,8 +22,8 @@ T = TypeVar("T", bound="Frozen")
 NETWORK = "network"
 ANY = Bounds(-1e12, 1e12)  # of a setting, whose own bounds are asked afterwards
 
-SetOption = Annotated[
-    list[str] | None,
+ModelStatements = Annotated[
+    tuple[str, ...],
     typer.Option(
         "--set",
         metavar="SETTING=NUMBER",
@@ -34,22 +34,16 @@ SetOption = Annotated[
 
 
 def correct(
-    recordings: Annotated[
-        list[Path], typer.Argument(metavar="CSV...", help="Logs for the training.")
-    ],
-    robot: PlantOption,
-    out: Annotated[Path, typer.Option(help="Output file of the model.")] = Path("corrected.npz"),
-    horizon: Annotated[
-        float,
-        typer.Option(
-            help="Horizon of the predictions, in seconds.", callback=within(HORIZON_SECONDS)
-        ),
-    ] = 2.0,
-    seed: Annotated[int, typer.Option(help="Seed of the training.", callback=within(SEED))] = 0,
-    settings: SetOption = None,
-    dt: DtOption = 0.01,
-    threads: ThreadsOption = 2,
-    json: JsonOption = None,
+    recordings: Annotated[list[Path], "CSV..."],
+    *,
+    robot: str,
+    out: Path = Path("corrected.npz"),
+    horizon: HorizonSeconds = 2.0,
+    seed: Seed = 0,
+    settings: ModelStatements = (),
+    dt: ControlStep = 0.01,
+    threads: Threads = 2,
+    json: Path | None = None,
 ) -> None:
     """Train a small network that corrects a plant, with a robot's logs.
 
@@ -60,25 +54,30 @@ def correct(
     [bold]Example[/bold]
 
     flywheel correct monday.csv tuesday.csv --robot plants/my_robot-1 --out my_robot.npz
+
+    Args:
+      recordings: Logs for the training.
+      robot: Your .xml, a shipped robot's name, or an adopted plant's folder.
+      out: Output file of the model.
+      horizon: Horizon of the predictions, in seconds.
+      seed: Seed of the training.
+      dt: Control step, in seconds.
+      threads: Simulations at the same time.
+      json: Output file of the answer as JSON.
     """
-    from flywheel.cli.logs.reading import read_logs
+    from flywheel.cli.logs.reading import read_tracks
     from flywheel.cli.models import open_plant
     from flywheel.dynamics.plant import RestartedPlant
     from flywheel.dynamics.residual import ResidualConfig, ResidualWeights
-    from flywheel.errors import ConfigError
-    from flywheel.outputs import check_outputs
     from flywheel.runtime.pool.interrupts import StopRequest
     from flywheel.runtime.pool.progress import console_progress
     from flywheel.training.residual import ResidualTraining, train_residual
 
-    if out.suffix == ".json":
-        raise ConfigError(f"--out is the file of the weights, which end in .npz; got {out.name}.")
-    outputs = {"model": out, "side file of the model": out.with_suffix(".json"), "JSON": json}
-    check_outputs(outputs, inputs=[*recordings, robot])
+    check_model_outputs(out, json, [*recordings, robot])
     given = (ResidualTraining, {"horizon": horizon, "seed": seed})
-    config, training = settings_of(settings or [], (ResidualConfig, {}), given, NETWORK)
+    config, training = settings_of(settings, (ResidualConfig, {}), given, NETWORK)
     plant, shown = RestartedPlant.from_measurements(open_plant(robot, dt, threads)), console()
-    tracks = [each.trajectory for each in read_logs(recordings, plant.robot, dt, shown)]
+    tracks = read_tracks(recordings, plant.robot, dt, shown)
     with StopRequest() as stop, console_progress().stage("correct", training.steps) as stage:
 
         def told(done: float, note: str) -> None:
@@ -92,6 +91,21 @@ def correct(
     _show(shown, found, out, robot, seconds, recordings)
     shown.keep_json(json, {**found.notes(), "share": found.model.share, "digest": digest})
     end_if_stopped(stop, "this is the best correction so far")
+
+
+def check_model_outputs(out: Path, json: Path | None, inputs: Sequence[str | Path]) -> None:
+    """Check that a file of weights and the answer can be written.
+
+    Raises:
+      ConfigError, DataError: they cannot, or the weights are called .json.
+    """
+    from flywheel.errors import ConfigError
+    from flywheel.outputs import check_outputs
+
+    if out.suffix == ".json":
+        raise ConfigError(f"--out is the file of the weights, which end in .npz; got {out.name}.")
+    outputs = {"model": out, "side file of the model": out.with_suffix(".json"), "JSON": json}
+    check_outputs(outputs, inputs=inputs)
 
 
 def settings_of(

@@ -11,19 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from flywheel.cli.console import Out, console, table
-from flywheel.cli.options import (
-    DtOption,
-    EffectsFromOption,
-    EffectsOption,
-    JsonOption,
-    PlantOption,
-    ThreadsOption,
-    WindowOption,
-    length_of,
-    number,
-    within,
-)
-from flywheel.quantities import FACTOR, MINUTES
+from flywheel.cli.options import PlantOptions, SettingStatements, length_of, number
+from flywheel.outputs import check_outputs
+from flywheel.quantities import FACTOR, HORIZON_SECONDS, MINUTES
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -34,19 +24,6 @@ if TYPE_CHECKING:
 
 SHOWN = 10  # candidates in the table
 
-HeldOutOption = Annotated[
-    list[Path] | None,
-    typer.Option(help="A further log, used only for the evaluation of the answer. Repeatable."),
-]
-UnsureOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="EFFECT=5%",
-        help="An uncertain number of the MJCF (with its standard deviation; up to three of these "
-        "are allowed), such as cable_stiffness or body_mass: fitted together with "
-        "everything else. Repeatable.",
-    ),
-]
 TrainedOption = Annotated[
     str | None,
     typer.Option(
@@ -56,48 +33,21 @@ TrainedOption = Annotated[
     ),
 ]
 
-ToleranceOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="LENGTH",
-        help="RMS model error that you accept, such as 2mm (beyond noise); the search stops "
-        "below it.",
-    ),
-]
-MinutesOption = Annotated[
-    float | None,
-    typer.Option(
-        help="Stop after so many minutes with the best answer so far, as on Ctrl-C.",
-        callback=within(MINUTES),
-    ),
-]
-SetOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set",
-        metavar="SETTING=NUMBER",
-        help="Value of a setting, such as limits.threshold=36; `flywheel list settings` shows "
-        "them. Repeatable.",
-    ),
-]
-
 
 def diagnose(
-    recordings: Annotated[list[Path], typer.Argument(metavar="CSV...", help="Logs to explain.")],
-    robot: PlantOption,
-    held_out: HeldOutOption = None,
-    effects: EffectsOption = "",
-    effects_from: EffectsFromOption = None,
-    unsure: UnsureOption = None,
-    window: WindowOption = None,
+    recordings: Annotated[list[Path], "CSV..."],
+    *,
+    chosen: PlantOptions,
+    held_out: tuple[Path, ...] = (),
+    effects: str = "",
+    unsure: Annotated[tuple[str, ...], "EFFECT=5%"] = (),
+    window: Annotated[float | None, HORIZON_SECONDS] = None,
     model: TrainedOption = None,
-    tolerance: ToleranceOption = None,
-    settings: SetOption = None,
-    minutes: MinutesOption = None,
-    dt: DtOption = 0.01,
-    threads: ThreadsOption = 2,
-    page: Annotated[Path, typer.Option(help="Output file of the page.")] = Path("diagnosis.html"),
-    json: JsonOption = None,
+    tolerance: Annotated[str | None, "LENGTH"] = None,
+    settings: SettingStatements = (),
+    minutes: Annotated[float | None, MINUTES] = None,
+    page: Path = Path("diagnosis.html"),
+    json: Path | None = None,
 ) -> None:
     """Identify the physical effect of a robot that its MJCF, or a trained model, lacks.
 
@@ -107,38 +57,42 @@ def diagnose(
     [bold]Example[/bold]
 
     flywheel diagnose monday.csv tuesday.csv --held-out friday.csv --robot my_robot.xml
+
+    Args:
+      recordings: Logs to explain.
+      held_out: A further log, used only for the evaluation of the answer. Repeatable.
+      effects: Effects to consider, by name; all of the library by default.
+      unsure: An uncertain number of the MJCF (with its standard deviation; up to three of these are
+        allowed), such as cable_stiffness or body_mass: fitted together with everything else. Repeatable.
+      window: Length of the windows, in seconds; by default suitable for the robot.
+      tolerance: RMS model error that you accept, such as 2mm (beyond noise); the search stops below it.
+      minutes: Stop after so many minutes with the best answer so far, as on Ctrl-C.
+      page: Output file of the page.
+      json: Output file of the answer as JSON.
     """
     from flywheel import diagnosis
-    from flywheel.cli.logs.reading import read_logs
-    from flywheel.cli.models import Library, open_plant, open_trained
-    from flywheel.outputs import check_outputs
+    from flywheel.cli.logs.reading import read_tracks
+    from flywheel.cli.models import open_trained, opened
     from flywheel.reports.diagnosis_page import write_diagnosis
     from flywheel.runtime.pool.interrupts import StopRequest
     from flywheel.runtime.pool.progress import console_progress
 
-    others, laws, known = held_out or [], effects_from or [], unsure_of(unsure or [])
-    check_outputs({"page": page, "JSON": json}, inputs=[*recordings, *others, *laws, robot])
-    library, out = Library.of(laws), console()
-    plant = open_plant(robot, dt, threads, library)
-    asked = library.asked(effects, plant.robot)
-    tuned = _settings(settings or [], tolerance, plant)
-    tested = (
-        None if model is None else open_trained(model, plant.robot).subject(plant.robot, threads)
-    )
-    logs, kept_aside = (
-        [each.trajectory for each in read_logs(paths, plant.robot, dt, out)]
-        for paths in (recordings, others)
-    )
-    limit = math.inf if minutes is None else 60.0 * minutes
+    check_outputs({"page": page, "JSON": json}, inputs=[*recordings, *held_out, *chosen.files])
+    (plant, library), out = opened(chosen), console()
+    robot, known = plant.robot, unsure_of(unsure)
+    asked, tuned = library.asked(effects, robot), _settings(settings, tolerance, plant)
+    tested = None if model is None else open_trained(model, robot).subject(robot, plant.threads)
+    logs = read_tracks(recordings, robot, plant.dt, out)
+    kept_aside = read_tracks(held_out, robot, plant.dt, out)
     with StopRequest() as stop:  # until the answer is written
         with console_progress().stage("diagnose", 1.0) as stage:
-            told = stage.update, tested, known, stop, limit
+            told = stage.update, tested, known, stop, 60.0 * (minutes or math.inf)
             found = diagnosis.diagnose(plant, logs, kept_aside, asked, tuned, window, 0, *told)
-        _show(out, found, _again(robot, laws))
-        about = _about(plant, found, recordings, others) | library.about
+        _show(out, found, _again(chosen))
+        about = _about(plant, found, recordings, held_out) | library.about
         out.say(f"Page: {write_diagnosis(found, page, about)}")
-        summary = _summary(plant, found, recordings, others) | library.provenance
-        out.keep_json(json, summary, allow_nan=False)
+        summary = _summary(plant, found, recordings, held_out)
+        out.keep_json(json, summary | library.provenance, allow_nan=False)
     raise typer.Exit(found.exit_code)
 
 
@@ -234,10 +188,10 @@ def pairs_of(statements: Sequence[str], form: str) -> Iterator[tuple[str, str]]:
         yield name.strip(), text
 
 
-def _again(robot: str, effects_from: Sequence[Path]) -> str:
+def _again(chosen: PlantOptions) -> str:
     """The options of another command about the same plant."""
-    own = [word for path in effects_from for word in ("--effects-from", str(path))]
-    return shlex.join(["--robot", robot, *own])
+    own = [word for path in chosen.effects_from for word in ("--effects-from", str(path))]
+    return shlex.join(["--robot", chosen.robot, *own])
 
 
 def _show(out: Out, found: Diagnosis, options: str) -> None:
@@ -249,19 +203,7 @@ def _show(out: Out, found: Diagnosis, options: str) -> None:
         out.print(effects_table(found))
     if form := words.other_form(found):
         out.say(f"its form differs from the effects of the library: {form}")
-    for note in (
-        words.interrupted,
-        words.failures,
-        words.scale,
-        words.forms,
-        words.gains,
-        words.as_built,
-        words.at_bounds,
-        words.first_lengths,
-        words.suspects,
-        words.held_back,
-        words.numbers,
-    ):
+    for note in words.NOTES:
         if said := note(found):
             out.say(said)
     scores = [

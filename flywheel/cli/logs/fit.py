@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from flywheel.cli.console import Out, console, table
 from flywheel.cli.exits import end_if_stopped
-from flywheel.cli.logs.correct import SetOption, settings_of
-from flywheel.cli.options import DtOption, JsonOption, PlantOption, within
-from flywheel.quantities import SEED
+from flywheel.cli.logs.correct import ModelStatements, check_model_outputs, settings_of
+from flywheel.quantities import ControlStep, Seed
 
 if TYPE_CHECKING:
     from flywheel.training.baselines import Fitted
@@ -20,39 +16,17 @@ if TYPE_CHECKING:
 MODEL = "model"
 
 
-class Baseline(StrEnum):
-    """Baselines that are fitted."""
-
-    arx = "arx"
-    tdpe = "tdpe"
-
-
-class Attachments(StrEnum):
-    """Knowledge about the attachments of the cables."""
-
-    mjcf = "mjcf"
-    heuristic = "heuristic"
-    uninformed = "uninformed"
-
-
 def fit(
-    model: Annotated[
-        Baseline, typer.Argument(help="arx (linear) or tdpe (the rigid-body engine).")
-    ],
-    recordings: Annotated[list[Path], typer.Argument(metavar="CSV...", help="Logs for the fit.")],
-    robot: PlantOption,
-    out: Annotated[Path, typer.Option(help="Output file of the model.")] = Path("fitted.npz"),
-    attachments: Annotated[
-        Attachments | None,
-        typer.Option(
-            help="Attachments of the engine's cables: the MJCF's, on the circles of the end caps, or (the "
-            "default) the end caps' centres."
-        ),
-    ] = None,
-    seed: Annotated[int, typer.Option(help="Seed of the fit.", callback=within(SEED))] = 0,
-    settings: SetOption = None,
-    dt: DtOption = 0.01,
-    json: JsonOption = None,
+    model: Literal["arx", "tdpe"],
+    recordings: Annotated[list[Path], "CSV..."],
+    *,
+    robot: str,
+    out: Path = Path("fitted.npz"),
+    attachments: Literal["mjcf", "heuristic", "uninformed"] | None = None,
+    seed: Seed = 0,
+    settings: ModelStatements = (),
+    dt: ControlStep = 0.01,
+    json: Path | None = None,
 ) -> None:
     """Fit a baseline to a robot's logs, as a yardstick for a network.
 
@@ -62,30 +36,38 @@ def fit(
     [bold]Example[/bold]
 
     flywheel fit tdpe monday.csv tuesday.csv --robot prism3 --attachments heuristic --out tdpe.npz
+
+    Args:
+      model: arx (linear) or tdpe (the rigid-body engine).
+      recordings: Logs for the fit.
+      robot: Your .xml, a shipped robot's name, or an adopted plant's folder.
+      out: Output file of the model.
+      attachments: Attachments of the engine's cables: the MJCF's, on the circles of the end caps, or (the
+        default) the end caps' centres.
+      seed: Seed of the fit.
+      dt: Control step, in seconds.
+      json: Output file of the answer as JSON.
     """
-    from flywheel.cli.logs.reading import read_logs
+    from flywheel.cli.logs.reading import read_tracks
     from flywheel.cli.models import open_plant
     from flywheel.dynamics.baselines.weights import FITTED, BaselineWeights
     from flywheel.errors import ConfigError
-    from flywheel.outputs import check_outputs
     from flywheel.runtime.pool.interrupts import StopRequest
     from flywheel.runtime.pool.progress import console_progress
-    from flywheel.training.baselines import FITS, FitSettings
+    from flywheel.training import baselines
 
-    if out.suffix == ".json":
-        raise ConfigError(f"--out is the file of the weights, which end in .npz; got {out.name}.")
-    if attachments and model is not Baseline.tdpe:
-        raise ConfigError(f"--attachments is for tdpe; {model.value} has none.")
-    outputs = {"model": out, "side file of the model": out.with_suffix(".json"), "JSON": json}
-    check_outputs(outputs, inputs=[*recordings, robot])
-    given: dict[str, Any] = {"attachments": attachments.value} if attachments else {}
+    if attachments and model != "tdpe":
+        raise ConfigError(f"--attachments is for tdpe; {model} has none.")
+    check_model_outputs(out, json, [*recordings, robot])
+    given: dict[str, Any] = {"attachments": attachments} if attachments else {}
     config, fitting = settings_of(
-        settings or [], (FITTED[model].Config, given), (FitSettings, {"seed": seed}), MODEL
+        settings, (FITTED[model].Config, given), (baselines.FitSettings, {"seed": seed}), MODEL
     )
     owner, shown = open_plant(robot, dt).robot, console()
-    tracks = [each.trajectory for each in read_logs(recordings, owner, dt, shown)]
+    tracks = read_tracks(recordings, owner, dt, shown)
     with StopRequest() as stop, console_progress().stage("fit", 1.0) as stage:
-        found = FITS[model](owner, dt, tracks, config, fitting, stage.update, stop)
+        start = FITTED[model](owner, dt, config)
+        found = baselines.fit(start, tracks, fitting, stage.update, stop)
     notes = {"before": found.before, "error": found.error, "windows": found.windows, **found.about}
     names = [path.name for path in recordings]
     digest = BaselineWeights.of(found.model).write(out, {**notes, "recordings": names})

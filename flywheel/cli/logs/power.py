@@ -5,73 +5,53 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from flywheel.cli.console import Out, console, table
-from flywheel.cli.logs.diagnose import SetOption, about_settings, changes_of
-from flywheel.cli.options import (
-    TYPICAL_SIZES,
-    DtOption,
-    EffectsFromOption,
-    EffectsOption,
-    JsonOption,
-    NoiseOption,
-    PageOption,
-    PlantOption,
-    ThreadsOption,
-    WindowOption,
-    length_of,
-    within,
-)
+from flywheel.cli.logs.diagnose import about_settings, changes_of
+from flywheel.cli.options import PlantOptions, SettingStatements, length_of
+from flywheel.options import PowerOptions
 
 if TYPE_CHECKING:
     from flywheel.diagnosis.experiments.power import Power, Prospect
 
 
 def power(
-    commands: Annotated[
-        Path, typer.Argument(metavar="CSV", help="Columns time and ctrl.<actuator>.")
-    ],
-    robot: PlantOption,
-    noise: NoiseOption = "0.003",
-    size: Annotated[
-        float,
-        typer.Option(
-            help="Size of the effects to distinguish, in typical sizes.",
-            callback=within(TYPICAL_SIZES),
-        ),
-    ] = 1.0,
-    effects: EffectsOption = "",
-    effects_from: EffectsFromOption = None,
-    window: WindowOption = None,
-    settings: SetOption = None,
-    dt: DtOption = 0.01,
-    threads: ThreadsOption = 2,
-    page: PageOption = None,
-    json: JsonOption = None,
+    commands: Annotated[Path, "CSV"],
+    *,
+    chosen: PlantOptions,
+    noise: str = "0.003",
+    effects: str = "",
+    options: PowerOptions = PowerOptions(),
+    settings: SettingStatements = (),
+    page: Path | None = None,
+    json: Path | None = None,
 ) -> None:
     """Predict which effects an experiment could show: their smallest sizes, and similar effects.
 
     [bold]Example[/bold]
 
     flywheel power commands.csv --robot prism3 --noise 5mm --page power.html
+
+    Args:
+      commands: Columns time and ctrl.<actuator>.
+      noise: Noise of each coordinate: a fraction of the robot's length, or a length (9mm).
+      effects: Effects to consider, by name; all of the library by default.
+      page: Output file of an HTML page.
+      json: Output file of the answer as JSON.
     """
-    from flywheel.cli.models import Library, about_plant, open_plant
+    from flywheel.cli.models import about_plant, opened
     from flywheel.data.recordings.commands import read_commands
     from flywheel.diagnosis.experiments.power import power as foreseen
     from flywheel.diagnosis.settings import Settings, changed
     from flywheel.outputs import check_outputs
     from flywheel.reports.experiment_page import write_power
 
-    inputs: list[str | Path] = [commands, *(effects_from or []), robot]
-    check_outputs({"page": page, "JSON": json}, inputs=inputs)
-    library, out = Library.of(effects_from), console()
-    plant = open_plant(robot, dt, threads, library)
+    check_outputs({"page": page, "JSON": json}, inputs=[commands, *chosen.files])
+    (plant, library), out = opened(chosen), console()
     asked = library.asked(effects, plant.robot)
-    tuned = changed(Settings(), changes_of(settings or []))
-    controls = read_commands(commands, plant.robot, dt)
+    tuned = changed(Settings(), changes_of(settings))
+    controls = read_commands(commands, plant.robot, plant.dt)
     sigma = length_of(noise, plant.robot)
-    found = foreseen(plant, controls, sigma, asked, size, None, window, tuned)
+    found = foreseen(plant, controls, sigma, asked, options, tuned)
     _show(out, found)
     if page is not None:
         about = {

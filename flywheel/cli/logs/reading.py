@@ -27,6 +27,11 @@ class Log:
     trajectory: Trajectory
 
 
+def read_tracks(paths: Sequence[Path], robot: Robot, dt: float, out: Out) -> list[Trajectory]:
+    """The trajectories of logs, see `read_logs`."""
+    return [log.trajectory for log in read_logs(paths, robot, dt, out)]
+
+
 def read_logs(paths: Sequence[Path], robot: Robot, dt: float, out: Out) -> list[Log]:
     """Read logs, and print the findings in each.
 

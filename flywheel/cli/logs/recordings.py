@@ -6,18 +6,18 @@ import json
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from enum import StrEnum
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, cast
+from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
 
 import typer
 from rich.console import Console
 from rich.markup import escape
 
+from flywheel.cli.app import App
 from flywheel.cli.console import Out, console, table
-from flywheel.cli.options import DtOption
-from flywheel.outputs import check_folder, printable, write_output
+from flywheel.outputs import check_folder, check_new, printable, write_output
+from flywheel.quantities import ControlStep
 
 if TYPE_CHECKING:
     from flywheel.data import TrajectoryStore
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from flywheel.robots import Robot
     from flywheel.runtime.pool.progress import Progress, Stage
 
-app = typer.Typer(no_args_is_help=True, help="Import and export logs of real robots.")
+app = App(no_args_is_help=True, help="Import and export logs of real robots.")
 
 ROOM = 3_000_000  # coordinates that are kept until all logs are read; the others are read again
 
@@ -34,56 +34,19 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of tabl
 StoreArgument = Annotated[
     Path, typer.Argument(metavar="RUN_OR_STORE", help="A run's folder, or a folder of episodes.")
 ]
-RobotOption = Annotated[
-    str | None, typer.Option(help="Your .xml, or a shipped robot's name; by default the run's.")
-]
-
-
-MapOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--map",
-        help="YAML with names, units and axes for all of them; by default the one of the same name "
-        "next to each.",
-    ),
-]
-PlotOption = Annotated[
-    Path | None,
-    typer.Option(help="Output file (.png): cables by winches and by points (align: auto)."),
-]
-
-
-class SplitChoice(StrEnum):
-    """Split of recordings; `auto` uses the hash of the content."""
-
-    auto = "auto"
-    train = "train"
-    validation = "validation"
-    test = "test"
 
 
 @app.command("import")
 def import_(
-    store: Annotated[
-        Path,
-        typer.Option(
-            metavar="RUN_OR_STORE", help="A run's folder, or a folder of episodes; made if missing."
-        ),
-    ],
-    logs: Annotated[
-        list[Path] | None,
-        typer.Argument(metavar="[LOG]...", help="Files; none if the map names them (files)."),
-    ] = None,
-    robot: RobotOption = None,
-    split: Annotated[
-        SplitChoice, typer.Option(help="Split of the episodes, permanently.")
-    ] = SplitChoice.auto,
-    dt: DtOption = 0.01,
-    map_file: MapOption = None,
-    align_plot: PlotOption = None,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Read and report, but store nothing.")
-    ] = False,
+    logs: Annotated[tuple[Path, ...], "[LOG]..."] = (),
+    *,
+    store: Annotated[Path, "RUN_OR_STORE"],
+    robot: str | None = None,
+    split: Literal["auto", "train", "validation", "test"] = "auto",
+    dt: ControlStep = 0.01,
+    map_file: Annotated[Path | None, "--map"] = None,
+    align_plot: Path | None = None,
+    dry_run: Annotated[bool, "--dry-run"] = False,
     as_json: AsJson = False,
 ) -> None:
     """Make episodes from logs, and report masked, repaired or resampled samples.
@@ -96,16 +59,27 @@ def import_(
     flywheel recordings import monday.csv --robot prism3 --store runs/prism3/store --dry-run
 
     flywheel recordings import --split test --map monday.yaml --robot my.xml --store mine
+
+    Args:
+      logs: Files; none if the map names them (files).
+      store: A run's folder, or a folder of episodes; made if missing.
+      robot: Your .xml, or a shipped robot's name; by default the run's.
+      split: Split of the episodes, permanently.
+      dt: Control step, in seconds.
+      map_file: YAML with names, units and axes for all of them; by default the one of the same name next
+        to each.
+      align_plot: Output file (.png): cables by winches and by points (align: auto).
+      dry_run: Read and report, but store nothing.
     """
     from flywheel.data.recordings import read_map, read_recording
     from flywheel.dynamics.plant import cables_by_winches
     from flywheel.outputs import check_outputs
 
-    check_outputs({"plot": align_plot}, logs or ())
+    check_outputs({"plot": align_plot}, logs)
     owner = _robot(store, robot)
     place = None if dry_run else _store(store)
     how = read_map(map_file) if map_file else None
-    chosen = None if split is SplitChoice.auto else cast("Split", split.value)
+    chosen: Split | None = None if split == "auto" else split
 
     def read(log: Path) -> Imported:
         with _progress().stage(escape(printable(log.name)), 1.0) as stage:
@@ -125,11 +99,10 @@ def import_(
 
 @app.command()
 def guess(
-    logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="Files of one recording.")],
-    robot: Annotated[str, typer.Option(help="Your .xml, or a shipped robot's name.")],
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="New file; printed if missing.")
-    ] = None,
+    logs: Annotated[list[Path], "LOG..."],
+    *,
+    robot: str,
+    output: Annotated[Path | None, "--output", "-o"] = None,
 ) -> None:
     """Write a draft of the map of a recording, to be read and completed.
 
@@ -138,13 +111,17 @@ def guess(
     [bold]Example[/bold]
 
     flywheel recordings guess take.csv motors.txt --robot my.xml --output monday.yaml
+
+    Args:
+      logs: Files of one recording.
+      robot: Your .xml, or a shipped robot's name.
+      output: New file; printed if missing.
     """
     from flywheel.data.recordings import guess as guessed
-    from flywheel.errors import DataError
     from flywheel.robots import load_robot
 
-    if output is not None and output.exists():
-        raise DataError(f"The file {output} exists already; it is not overwritten.")
+    if output is not None:
+        check_new(output)
     text = guessed(logs, load_robot(robot), Path() if output is None else output.parent)
     if output is None:
         typer.echo(text, nl=False)
@@ -154,7 +131,7 @@ def guess(
 
 
 @app.command()
-def show(store: StoreArgument, as_json: AsJson = False) -> None:
+def show(store: StoreArgument, *, as_json: AsJson = False) -> None:
     """Show the recordings in a store, and the setting that makes a run learn from them.
 
     [bold]Example[/bold]
@@ -174,17 +151,10 @@ def show(store: StoreArgument, as_json: AsJson = False) -> None:
 @app.command()
 def export(
     store: StoreArgument,
-    episode: Annotated[
-        str,
-        typer.Argument(metavar="EPISODE", help="Its name; for LeRobot also a pattern: 'i0001-*'."),
-    ],
-    output: Annotated[
-        Path,
-        typer.Argument(
-            metavar="OUT", help="New .csv or .mcap; a name without an ending is a LeRobot data set."
-        ),
-    ],
-    robot: RobotOption = None,
+    episode: Annotated[str, "EPISODE"],
+    output: Annotated[Path, "OUT"],
+    *,
+    robot: str | None = None,
 ) -> None:
     """Write an episode, recorded or simulated, as CSV or MCAP, or several as a LeRobot data set.
 
@@ -193,6 +163,11 @@ def export(
     flywheel recordings export runs/prism3 i0001-mppi-collect-0000 episode.csv
 
     flywheel recordings export runs/prism3 'i0001-*' prism3-lerobot
+
+    Args:
+      episode: Its name; for LeRobot also a pattern: 'i0001-*'.
+      output: New .csv or .mcap; a name without an ending is a LeRobot data set.
+      robot: Your .xml, or a shipped robot's name; by default the run's.
     """
     from flywheel.cli.runs.data import open_store
     from flywheel.data.recordings import write_recording
@@ -257,7 +232,7 @@ class Read:
     compared: tuple[Aligned, ...]
 
 
-def _named(logs: list[Path] | None, map_file: Path | None, how: RecordingMap | None) -> list[Path]:
+def _named(logs: Sequence[Path], map_file: Path | None, how: RecordingMap | None) -> Sequence[Path]:
     """The logs that were given, or the map that names them.
 
     Raises:

@@ -12,7 +12,6 @@ import typer
 
 from flywheel.cli.console import Out, console
 from flywheel.cli.exits import FAILED
-from flywheel.cli.records import with_records
 from flywheel.cli.robot.picture import PictureOption, write_picture
 from flywheel.cli.robot.settling import control_step, verdict
 from flywheel.cli.robot.steps import chosen, said
@@ -24,19 +23,14 @@ if TYPE_CHECKING:
 SETTLED = 0.01  # of the robot's length: a keyframe that is farther from rest is replaced
 
 
-@with_records
 def adapt(
-    mjcf: Annotated[
-        Path, typer.Argument(metavar="MJCF", help="An .xml; or a structure in .yaml or .json.")
-    ],
-    output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", help="New file; by default MJCF's name with -robot.xml."),
-    ] = None,
+    mjcf: Annotated[Path, "MJCF"],
+    *,
+    output: Annotated[Path | None, "--output", "-o"] = None,
     options: AdaptOptions = AdaptOptions(),
     picture: PictureOption = None,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="List the changes only.")] = False,
-    yes: Annotated[bool, typer.Option("--yes", help="Take all guesses without asking.")] = False,
+    dry_run: Annotated[bool, "--dry-run"] = False,
+    yes: Annotated[bool, "--yes"] = False,
 ) -> None:
     """Write the robot that `check` accepts, with the reason of each change.
 
@@ -46,6 +40,12 @@ def adapt(
     [bold]Example[/bold]
 
     flywheel robot adapt lab.xml -o my_robot.xml --winch 'side*'
+
+    Args:
+      mjcf: An .xml; or a structure in .yaml or .json.
+      output: New file; by default MJCF's name with -robot.xml.
+      dry_run: List the changes only.
+      yes: Take all guesses without asking.
     """
     from flywheel.outputs import check_outputs
     from flywheel.registry import lookup

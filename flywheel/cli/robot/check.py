@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from flywheel.cli.app import App
 from flywheel.cli.console import Out, console, table
 from flywheel.cli.exits import FAILED, USAGE
 from flywheel.cli.robot.adapt import adapt
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     from flywheel.robots import Attachment, Robot
     from flywheel.robots.adapt import Adapted
 
-app = typer.Typer(no_args_is_help=True, help="Bring your own robot.")
+app = App(no_args_is_help=True, help="Bring your own robot.")
 app.command()(adapt)
 app.command()(serve)
 app.command()(reveal)
@@ -43,9 +44,8 @@ CONFIG = "prism3"  # that a robot of one's own is run with
 
 @app.command()
 def check(
-    mjcf: Annotated[
-        str, typer.Argument(metavar="MJCF", help="Your .xml, or a shipped robot's name.")
-    ],
+    mjcf: Annotated[str, "MJCF"],
+    *,
     dt: Annotated[
         float | None,
         typer.Option(
@@ -62,6 +62,9 @@ def check(
     [bold]Example[/bold]
 
     flywheel robot check my_robot.xml
+
+    Args:
+      mjcf: Your .xml, or a shipped robot's name.
     """
     from flywheel.dynamics.plant import Plant, settling
     from flywheel.errors import ModelError

@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from flywheel.cli.console import console, table
 
 if TYPE_CHECKING:
@@ -14,15 +12,16 @@ if TYPE_CHECKING:
     from flywheel.robot_link import StandInConfig
     from flywheel.truth_simulator.effect import EffectTruth
 
-RunArgument = Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run with a robot.")]
 
-
-def reveal(run: RunArgument) -> None:
+def reveal(run: Annotated[Path, "RUN"]) -> None:
     """Show the hidden physics of a run's stand-in, which only the stand-in knew until now.
 
     [bold]Example[/bold]
 
     flywheel robot reveal runs/prism3
+
+    Args:
+      run: Folder of a run with a robot.
     """
     from flywheel.cli.runs.opening import open_run
     from flywheel.errors import DataError

@@ -4,37 +4,21 @@ from __future__ import annotations
 
 from typing import Annotated
 
-import typer
-
 from flywheel.cli.console import console
-from flywheel.cli.options import within
-from flywheel.cli.records import with_records
-from flywheel.cli.robot.stand_in import PeriodOption, StandInOptions
-from flywheel.quantities import Bounds
+from flywheel.cli.robot.stand_in import StandInOptions
+from flywheel.quantities import Bounds, ControlStep
 
 LOOPBACK = "127.0.0.1"
-RobotArgument = Annotated[
-    str, typer.Argument(metavar="ROBOT", help="Your .xml, or a shipped robot's name.")
-]
-PaceOption = Annotated[
-    bool, typer.Option("--real-time/--lockstep", help="Run in real time, or wait for the driver.")
-]
-HostOption = Annotated[
-    str, typer.Option(help="Address to listen on; this machine only by default.")
-]
-PortOption = Annotated[
-    int, typer.Option(help="Port; 0 for one that is free.", callback=within(Bounds(0, 65_535)))
-]
 
 
-@with_records
 def serve(
-    robot: RobotArgument,
+    robot: Annotated[str, "ROBOT"],
+    *,
     stand_in: StandInOptions = StandInOptions(),
-    period: PeriodOption = 0.01,
-    real_time: PaceOption = True,
-    host: HostOption = LOOPBACK,
-    port: PortOption = 7420,
+    period: ControlStep = 0.01,
+    real_time: Annotated[bool, "--real-time/--lockstep"] = True,
+    host: str = LOOPBACK,
+    port: Annotated[int, Bounds(0, 65_535)] = 7420,
 ) -> None:
     """Start a stand-in for a robot: simulate it with hidden effects, and let others drive it.
 
@@ -45,6 +29,13 @@ def serve(
     flywheel robot serve prism3 --hidden torque_speed --hidden payload:2 --latency 0.03
 
     flywheel drive runs/prism3 --robot tcp://127.0.0.1:7420
+
+    Args:
+      robot: Your .xml, or a shipped robot's name.
+      period: Control period, in seconds.
+      real_time: Run in real time, or wait for the driver.
+      host: Address to listen on; this machine only by default.
+      port: Port; 0 for one that is free.
     """
     import asyncio
 

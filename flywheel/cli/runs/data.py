@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
+from flywheel.cli.app import App
 from flywheel.cli.console import console, table
 from flywheel.cli.exits import FAILED
 from flywheel.cli.options import RunArgument
@@ -16,14 +17,11 @@ if TYPE_CHECKING:
     from flywheel.data import Snapshot, TrajectoryStore
     from flywheel.runtime.run.inventory import Fault
 
-app = typer.Typer(no_args_is_help=True, help="List and check the episodes of a run.")
+app = App(no_args_is_help=True, help="List and check the episodes of a run.")
 
 
 @app.command()
-def verify(
-    run: RunArgument,
-    snapshot: Annotated[str, typer.Option(help="Only this one; everything by default.")] = "",
-) -> None:
+def verify(run: RunArgument, *, snapshot: str = "") -> None:
     """Read every byte again and compare; lists altered, missing and foreign files.
 
     A run's folder is checked with its results, models, configuration and robot; a store with its
@@ -32,6 +30,9 @@ def verify(
     [bold]Example[/bold]
 
     flywheel data verify runs/prism3
+
+    Args:
+      snapshot: Only this one; everything by default.
     """
     from flywheel.runtime.run.folder import RunFolder
     from flywheel.runtime.run.inventory import Inventory
@@ -58,17 +59,15 @@ def verify(
 
 
 @app.command()
-def show(
-    run: RunArgument,
-    snapshot: Annotated[
-        str, typer.Option(help="Show the episodes of this one; the snapshots by default.")
-    ] = "",
-) -> None:
+def show(run: RunArgument, *, snapshot: str = "") -> None:
     """Show the snapshots of a run, or the episodes of one.
 
     [bold]Example[/bold]
 
     flywheel data show runs/prism3 --snapshot i0001-mppi
+
+    Args:
+      snapshot: Show the episodes of this one; the snapshots by default.
     """
     store = open_store(run)
     if snapshot:
@@ -78,10 +77,7 @@ def show(
 
 
 @app.command()
-def rewind(
-    run: RunArgument,
-    iteration: Annotated[int, typer.Argument(help="The first iteration to repeat.")],
-) -> None:
+def rewind(run: RunArgument, iteration: int) -> None:
     """Set aside a run's work from an iteration on, so that --resume repeats it.
 
     Nothing is deleted: results and models go to RUN/aside, episodes to the store's quarantine.
@@ -89,6 +85,9 @@ def rewind(
     [bold]Example[/bold]
 
     flywheel data rewind runs/prism3 1
+
+    Args:
+      iteration: The first iteration to repeat.
     """
     from flywheel.runtime.run import rewinding
     from flywheel.runtime.run.folder import RunFolder

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from flywheel.cli.console import console, table
-from flywheel.cli.options import RunArgument, within
-from flywheel.quantities import HORIZON_SECONDS, SAMPLES
+from flywheel.cli.options import RunArgument
+from flywheel.quantities import HorizonSeconds, Samples
 
 if TYPE_CHECKING:
     from flywheel.cli.runs.opening import OpenRun
@@ -24,26 +22,13 @@ SPLITS = ("train", "validation", "test")
 
 def evaluate(
     run: RunArgument,
-    split: Annotated[
-        str, typer.Option(help="Split of the episodes: test, validation or train.")
-    ] = "test",
-    horizon: Annotated[
-        float,
-        typer.Option(
-            help="Length of the short predictions, in seconds.", callback=within(HORIZON_SECONDS)
-        ),
-    ] = 2.0,
-    starts: Annotated[
-        int, typer.Option(help="Short predictions per episode.", callback=within(SAMPLES))
-    ] = 10,
-    full: Annotated[bool, typer.Option(help="Also predict whole episodes.")] = True,
-    weights: Annotated[
-        Path | None, typer.Option(help="Score this weights file instead of the run's own models.")
-    ] = None,
-    by: Annotated[
-        str,
-        typer.Option(help="Group the scores by: controller, dataset, iteration, source, ground."),
-    ] = "all",
+    *,
+    split: str = "test",
+    horizon: HorizonSeconds = 2.0,
+    starts: Samples = 10,
+    full: bool = True,
+    weights: Path | None = None,
+    by: str = "all",
 ) -> None:
     """Score the models of a run on its stored episodes, compared with no motion.
 
@@ -52,6 +37,14 @@ def evaluate(
     flywheel evaluate runs/prism3 --split validation
 
     flywheel evaluate runs/prism3 --by controller [dim](where it fails)[/dim]
+
+    Args:
+      split: Split of the episodes: test, validation or train.
+      horizon: Length of the short predictions, in seconds.
+      starts: Short predictions per episode.
+      full: Also predict whole episodes.
+      weights: Score this weights file instead of the run's own models.
+      by: Group the scores by: controller, dataset, iteration, source, ground.
     """
     from flywheel.cli.runs.opening import open_run
 

@@ -6,8 +6,6 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from flywheel.cli.console import Out, console, table
 from flywheel.cli.options import Overrides
 
@@ -18,26 +16,12 @@ RUNS = Path("runs")
 
 
 def run(
-    config: Annotated[
-        str,
-        typer.Argument(
-            help="A shipped configuration, e.g. prism3 (flywheel list configs), or a YAML file."
-        ),
-    ],
-    overrides: Overrides = None,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Continue the run in the folder, from its files.")
-    ] = False,
-    address: Annotated[
-        str | None,
-        typer.Option(
-            help="An existing Ray cluster (host:port, auto); by default one is started here."
-        ),
-    ] = None,
-    folder: Annotated[
-        Path | None,
-        typer.Option(help="Folder of the run; runs/<name of the configuration> by default."),
-    ] = None,
+    config: str,
+    overrides: Overrides = (),
+    *,
+    resume: Annotated[bool, "--resume"] = False,
+    address: str | None = None,
+    folder: Path | None = None,
 ) -> None:
     """Run the loop: collect, train, evaluate, decide, repeatedly.
 
@@ -48,6 +32,12 @@ def run(
     flywheel run prism3 seed=1 iterations=3
 
     flywheel run configs/my_own.yaml --resume [dim](after Ctrl-C, a crash, a power cut)[/dim]
+
+    Args:
+      config: A shipped configuration, e.g. prism3 (flywheel list configs), or a YAML file.
+      resume: Continue the run in the folder, from its files.
+      address: An existing Ray cluster (host:port, auto); by default one is started here.
+      folder: Folder of the run; runs/<name of the configuration> by default.
     """
     from flywheel.files import file_name
     from flywheel.runtime import loop
@@ -55,7 +45,7 @@ def run(
     from flywheel.runtime.config.shipped import config_file
     from flywheel.runtime.pool.progress import console_progress
 
-    settings = load_config(config_file(config), overrides or [])
+    settings = load_config(config_file(config), overrides)
     place = folder or RUNS / file_name(run_name(config))
     progress = console_progress()
     result = loop.run(settings, place, resume=resume, address=address, progress=progress)

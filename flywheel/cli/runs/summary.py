@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from flywheel.cli.console import console, table
 
 if TYPE_CHECKING:
@@ -24,11 +22,7 @@ COLUMNS = (
 )
 
 
-def summary(
-    runs: Annotated[
-        list[Path], typer.Argument(metavar="RUN...", help="Folders of runs with different seeds.")
-    ],
-) -> None:
+def summary(runs: Annotated[list[Path], "RUN..."]) -> None:
     """Compare several seeds of one configuration in one table.
 
     Shows means over the runs with the lowest and the highest value, and success over all tasks.
@@ -38,6 +32,9 @@ def summary(
     flywheel run prism3 seed=1 --folder runs/prism3-1
 
     flywheel summary runs/prism3 runs/prism3-1
+
+    Args:
+      runs: Folders of runs with different seeds.
     """
     from flywheel.reports.seeds import summarise
     from flywheel.results import RunResult

@@ -24,6 +24,7 @@ from flywheel.runtime.tracking.dashboard import DATABASE, HOST, damage, ui_comma
 
 def ui(
     run: RunArgument,
+    *,
     port: Annotated[int, typer.Option(min=1, max=65535, help="Port of the server.")] = 5000,
 ) -> None:
     """Serve the MLflow dashboard of a run on this machine, until Ctrl-C or SIGTERM.

@@ -25,7 +25,8 @@ from flywheel.diagnosis.settings import Settings, unusual
 from flywheel.dynamics.plant import Plant
 from flywheel.dynamics.plant.tautness import taut_share
 from flywheel.errors import DataError
-from flywheel.records import Floats, State
+from flywheel.options import DesignOptions
+from flywheel.records import Floats
 
 ELITE = 6  # scripts that are varied
 WIDTHS = (0.3, 0.2, 0.12, 0.08)  # of the variations, round by round, as shares of the reach
@@ -169,8 +170,7 @@ class Designer:
       plant: with its known effects.
       rivals: two or more.
       sigma: noise of each coordinate [m].
-      size: of the rivals, in typical sizes.
-      start: (1,) initial state of the experiment; None for the settled keyframe.
+      options: size of the rivals, length and number of scripts, and seed.
       settings: of the following diagnosis.
 
     Raises:
@@ -182,16 +182,15 @@ class Designer:
         plant: Plant,
         rivals: Sequence[Rival],
         sigma: float,
-        size: float = 1.0,
-        start: State | None = None,
+        options: DesignOptions = DesignOptions(),
         settings: Settings = Settings(),
     ) -> None:
         labels = [c.label for rival in rivals for c in rival.candidates]
         if len(rivals) < 2 or len(set(labels)) < len(labels):
             names = ", ".join(rival.name for rival in rivals)
             raise DataError(f"A design needs two or more different rivals, got {names or 'none'}.")
-        self.plant, self.sigma, self.size, self.settings = plant, sigma, size, settings
-        self.start = plant.settle(SETTLING) if start is None else start
+        self.plant, self.sigma, self.options, self.settings = plant, sigma, options, settings
+        self.start = plant.settle(SETTLING)
         self.reach = WinchRange.around(plant.robot, plant.winch(self.start)[0], plant.dt)
         self.library = tuple(c for rival in rivals for c in rival.candidates)
         owner = [number for number, rival in enumerate(rivals) for _ in rival.candidates]
@@ -203,18 +202,12 @@ class Designer:
 
     def design(
         self,
-        seconds: float = 3.0,
-        count: int = 64,
-        seed: int = 0,
         told: Told = lambda tried, best: None,
         stop: Callable[[], bool] = lambda: False,
     ) -> Design:
         """The best of many scripts, and of variations of the best of them.
 
         Args:
-          seconds: length of the script [s].
-          count: number of drawn scripts, and of later variations.
-          seed: of all random numbers.
           told: called after the first scripts and after each round, with the number tried and the
             best separation so far [sigma].
           stop: asked before each round of variations; True ends the search with the best script so far.
@@ -222,7 +215,8 @@ class Designer:
         Raises:
           DataError: nothing to try, or no plain script is safe.
         """
-        rng, steps = np.random.default_rng(seed), round(seconds / self.plant.dt)
+        rng, count = np.random.default_rng(self.options.seed), self.options.candidates
+        steps = round(self.options.seconds / self.plant.dt)
         if count < 1 or steps < SHORTEST:
             raise DataError(
                 f"A design needs 1 script or more of {SHORTEST} steps or more, got {count} of {steps}."
@@ -247,7 +241,7 @@ class Designer:
     def separation(self, information: Information, pairs: Sequence[tuple[int, int]]) -> Floats:
         """(S,) least separation over pairs of candidates, either way round [sigma]."""
         ways = [information.separation(*way) for i, j in pairs for way in ((i, j), (j, i))]
-        return self.size * np.asarray(np.min(ways, axis=0))
+        return self.options.size * np.asarray(np.min(ways, axis=0))
 
     def _tried(self, wishes: Sequence[Floats], families: Sequence[str]) -> Tried:
         path = self.reach.path(np.stack(wishes))
@@ -296,7 +290,7 @@ class Designer:
             tried=tried.count,
             unsafe=tried.unsafe,
             sigma=self.sigma,
-            size=self.size,
+            size=self.options.size,
             settings=self.settings,
         )
 

@@ -13,7 +13,8 @@ from flywheel.diagnosis.selection.candidates import Candidate, candidates
 from flywheel.diagnosis.settings import Settings, unusual
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS, Effect
-from flywheel.records import Floats, State
+from flywheel.options import PowerOptions
+from flywheel.records import Floats
 
 
 @dataclass(frozen=True)
@@ -113,9 +114,7 @@ def power(
     controls: Floats,
     sigma: float,
     library: Mapping[str, Effect] = EFFECTS,
-    size: float = 1.0,
-    start: State | None = None,
-    seconds: float | None = None,
+    options: PowerOptions = PowerOptions(),
     settings: Settings = Settings(),
 ) -> Power:
     """Predict the power of commands.
@@ -125,9 +124,7 @@ def power(
       controls: (T, W) commands.
       sigma: noise of each coordinate [m].
       library: candidate effects.
-      size: for the separation, in typical sizes.
-      start: (1,) initial state of the experiment; None for the settled keyframe.
-      seconds: length of the windows [s]; None for one that suits the robot.
+      options: size of the effects, and length of the windows.
       settings: of the following diagnosis.
 
     Raises:
@@ -135,9 +132,8 @@ def power(
       ModelError: the plant diverges under the commands.
     """
     scripts, known = controls[None], candidates(plant.robot, library)
-    information = information_of(
-        plant, scripts, simulate_scripts(plant, scripts, start), known, sigma, seconds, settings
-    )
+    motion, size = simulate_scripts(plant, scripts), options.size
+    information = information_of(plant, scripts, motion, known, sigma, options.window, settings)
     apart, likeness = _pairs(information)
     prospects = [_prospect(information, i, size, apart[i], likeness[i]) for i in range(len(known))]
     order = np.argsort([prospect.smallest for prospect in prospects], kind="stable")

@@ -1,4 +1,4 @@
-"""What a network is shown of a plant's motion, and the robot's connections and constants behind it."""
+"""Features of a plant's motion for the network, and the robot's connections and constants behind them."""
 
 from __future__ import annotations
 

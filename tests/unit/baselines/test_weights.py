@@ -9,6 +9,7 @@ from flywheel.cli.models import open_model
 from flywheel.dynamics.baselines import LinearConfig, LinearDynamics
 from flywheel.dynamics.baselines.engine import EngineConfig, RigidBodyEngine
 from flywheel.dynamics.baselines.weights import BaselineWeights, FitModel
+from flywheel.dynamics.plant import Plant
 from flywheel.errors import FlywheelError, ModelError
 from flywheel.robots import load_robot
 
@@ -30,7 +31,7 @@ MODELS: dict[str, FitModel] = {
 def test_a_written_model_is_read_as_it_was(kind, tmp_path) -> None:
     model, path = MODELS[kind], tmp_path / "m.npz"
     digest = BaselineWeights.of(model).write(path, {"note": 1})
-    subject = open_model(f"mine={path}", ROBOT, "prism3", 0.01, 1)
+    subject = open_model(f"mine={path}", Plant(ROBOT))
     got = subject.dynamics
     assert type(got) is type(model) and subject.name == "mine"
     assert got.dt == model.dt and got.config == model.config

@@ -69,11 +69,11 @@ def test_a_model_comes_out_that_compare_and_diagnose_can_hold(logs, tmp_path):
     assert f"Model: {out}" in got.output
     told = json.loads(answer.read_text())
     assert told["windows"] > 0 and 0.0 <= told["share"] <= 1.0
-    subject = open_model(f"mine={out}", PRISM, "prism3", 0.01, 1)
+    subject = open_model(f"mine={out}", Plant(PRISM))
     assert subject.name == "mine" and isinstance(subject.dynamics, ResidualDynamics)
     assert open_trained(str(out), PRISM).weights.digest == told["digest"]
     with pytest.raises(ModelError, match="another robot"):
-        open_model(str(out), load_robot("icosa6"), "icosa6", 0.01, 1)
+        open_model(str(out), Plant(load_robot("icosa6")))
     page = tmp_path / "c.html"
     asked = [str(logs[0]), "--robot", "prism3", "--model", "plant", "--model", str(out)]
     more = ["--horizon", "0.3", "--draws", "40", "--page", str(page)]

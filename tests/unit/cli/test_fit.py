@@ -54,7 +54,7 @@ def test_a_model_comes_out_that_can_be_compared_and_driven_with(log, tmp_path, m
     assert got.exit_code == 0, got.output
     told = json.loads(answer.read_text())
     assert told["error"] <= told["before"] and told["windows"] > 0
-    assert isinstance(open_model(str(out), PRISM, "prism3", 0.01, 1).dynamics, kind)
+    assert isinstance(open_model(str(out), Plant(PRISM)).dynamics, kind)
     source = config_file("prism3")
     dynamics, digest = network_of(source, load_config(source), PRISM, str(out))
     assert isinstance(dynamics, kind) and digest == told["digest"]
@@ -85,7 +85,7 @@ def test_bad_input_is_refused(log, arguments, says):
 
 @pytest.mark.parametrize("name", BASELINES)
 def test_a_baseline_is_a_model_by_its_name(name):
-    subject = open_model(f"mine={name}", PRISM, "prism3", 0.01, 1)
+    subject = open_model(f"mine={name}", Plant(PRISM))
     assert subject.name == "mine" and subject.dynamics.dt == 0.01
     source = config_file("prism3")
     dynamics, digest = network_of(source, load_config(source), PRISM, name)

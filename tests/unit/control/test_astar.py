@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flywheel.control import AStar, astar, record_episode
+from flywheel.control import AStar, EpisodeOrder, astar, record_episode
 from flywheel.control.astar import Cycles, fastest
 from flywheel.dynamics.plant import MeasurementModel, Plant, PlantDynamics
 from flywheel.errors import ConfigError
@@ -111,12 +111,8 @@ def test_a_goal_beside_the_robot_is_reached_on_the_plant(robot: Robot, cycles, m
         MeasurementModel(noise=0.005),
         planner,
         task,
+        EpisodeOrder("one", Provenance(robot.digest), seconds=60.0, seed=1),
         start=start,
-        seconds=60.0,
-        seed=1,
-        episode_id="one",
-        provenance=Provenance(robot.digest),
-        split="test",
     )
     assert episode.outcome.success
     planned = episode.telemetry["plan_seconds"] > 0

@@ -12,6 +12,7 @@ from flywheel.diagnosis.selection.candidates import Rival
 from flywheel.diagnosis.settings import Settings, changed
 from flywheel.dynamics.plant import Plant
 from flywheel.errors import DataError, UnknownNameError
+from flywheel.options import DesignOptions
 from flywheel.robots import Robot, load_robot
 
 pytestmark = pytest.mark.slow
@@ -61,20 +62,26 @@ def test_a_design_needs_different_rivals(robot: Robot, names: tuple[str, ...]) -
         Designer(Plant(robot), rivals(robot, *names), SIGMA)
 
 
-@pytest.fixture(scope="module")
-def designer(robot: Robot) -> Designer:
-    return Designer(Plant(robot), rivals(robot, "cable_friction", "payload@s1", "capstan"), SIGMA)
+def designer_of(robot: Robot, seconds: float, count: int, seed: int = 0) -> Designer:
+    options = DesignOptions(seconds=seconds, candidates=count, seed=seed)
+    named = rivals(robot, "cable_friction", "payload@s1", "capstan")
+    return Designer(Plant(robot), named, SIGMA, options)
 
 
 @pytest.mark.parametrize(("seconds", "count"), [(0.02, 4), (1.0, 0)])
-def test_a_design_needs_something_to_try(designer: Designer, seconds: float, count: int) -> None:
+def test_a_design_needs_something_to_try(robot: Robot, seconds: float, count: int) -> None:
     with pytest.raises(DataError, match=f"got {count} of {round(seconds / 0.01)}"):
-        designer.design(seconds=seconds, count=count)
+        designer_of(robot, seconds, count).design()
 
 
 @pytest.fixture(scope="module")
-def design(designer: Designer, seed: int) -> Design:
-    return designer.design(seconds=0.6, count=8, seed=seed)
+def designer(robot: Robot, seed: int) -> Designer:
+    return designer_of(robot, 0.6, 8, seed)
+
+
+@pytest.fixture(scope="module")
+def design(designer: Designer) -> Design:
+    return designer.design()
 
 
 def test_a_design_says_what_its_commands_are_worth(designer, design, seed):
@@ -96,9 +103,9 @@ def test_the_search_never_loses_what_it_had(design: Design, seed: int) -> None:
     assert design.tried == 8 + 4 * 2
 
 
-def test_the_same_seed_gives_the_same_script(designer: Designer, seed: int) -> None:
+def test_the_same_seed_gives_the_same_script(robot: Robot, seed: int) -> None:
     one, same, other = (
-        designer.design(seconds=0.3, count=1, seed=s).controls for s in (seed, seed, seed + 1)
+        designer_of(robot, 0.3, 1, s).design().controls for s in (seed, seed, seed + 1)
     )
     assert np.array_equal(one, same)
     assert not np.array_equal(one, other)
@@ -107,7 +114,8 @@ def test_the_same_seed_gives_the_same_script(designer: Designer, seed: int) -> N
 def test_rivals_are_told_apart_by_the_threshold_of_the_diagnosis(robot: Robot) -> None:
     strict = changed(Settings(), {"limits.threshold": 36.0})
     named = rivals(robot, "cable_friction", "capstan")
-    found = Designer(Plant(robot), named, SIGMA, settings=strict).design(seconds=0.3, count=1)
+    options = DesignOptions(seconds=0.3, candidates=1)
+    found = Designer(Plant(robot), named, SIGMA, options, strict).design()
     assert found.needed == found.summary()["enough"] == 6.0
     assert found.summary()["settings"] == {"limits.threshold": 36.0}
     assert [replace(found, separation=apart).enough for apart in (5.9, 6.1)] == [False, True]

@@ -15,6 +15,7 @@ from flywheel.diagnosis.selection.search import Search
 from flywheel.diagnosis.settings import Settings, changed
 from flywheel.dynamics.plant import Plant, with_effects
 from flywheel.effects import EFFECTS, Effect
+from flywheel.options import PowerOptions
 from flywheel.records import Observation, Trajectory
 from flywheel.robots import Robot
 from flywheel.truth_simulator.recording import record
@@ -110,7 +111,8 @@ def test_more_noise_hides_more(robot, hidden, library):
 def test_a_twice_as_large_effect_is_twice_as_far_from_its_rival(robot, hidden, library):
     few = {name: library[name] for name in ("capstan", "cable_friction")}
     once, twice = (
-        power(Plant(robot), hidden.controls[:80], 0.01, few, size) for size in (1.0, 2.0)
+        power(Plant(robot), hidden.controls[:80], 0.01, few, PowerOptions(size))
+        for size in (1.0, 2.0)
     )
     for one, two in zip(once.prospects, twice.prospects, strict=True):
         assert two.separation == pytest.approx(2 * one.separation)
@@ -137,7 +139,7 @@ def test_promises_are_those_of_a_diagnosis_with_the_same_settings(robot, hidden,
     assert after.summary()["settings"] == {"limits.threshold": 36.0}
     for one, two in zip(before.prospects, after.prospects, strict=True):
         assert two.smallest / one.smallest == pytest.approx(7.645 / 6.645)
-    between = 5.5 / before.prospects[0].strength
+    between = PowerOptions(5.5 / before.prospects[0].strength)
     shown = [
         power(Plant(robot), hidden.controls[:80], 0.01, few, between, settings=settings)
         .prospects[0]
