@@ -249,7 +249,7 @@ def _concluded(
     left = unexplained and (fitter.windows.discrepancy > 0.0 or not nothing)
     suspects: tuple[SuspectParameter, ...] = ()
     if under_test.model is None:
-        suspects = _suspects(search, judged.models, unexplained)
+        suspects = _suspects(search, judged.models, unexplained, limits.most)
     law = partial(_discrepancy, fitter, last, kept_aside, under_test)
     rng = np.random.default_rng(under_test.seed)
     sure = partial(heartbeat.each, partial(effects_of, search), what=_sizes)
@@ -285,13 +285,13 @@ def _concluded(
 
 
 def _suspects(
-    search: Search, models: Sequence[ScoredModel], unexplained: bool
+    search: Search, models: Sequence[ScoredModel], unexplained: bool, most: float
 ) -> tuple[SuspectParameter, ...]:
     """Numbers of the MJCF that may be what is wrong; those that explain more than the answer first."""
     briefly = search.heartbeat.briefly
     search.heartbeat("testing numbers of the MJCF")
     nothing: tuple[SuspectParameter, ...] = ()
-    fitted = partial(far_off_parameters, search, models)
+    fitted = partial(far_off_parameters, search, models, most)
     far = briefly(fitted, nothing) if unexplained else nothing
     names = {each.name for each in far}
     near = briefly(partial(suspect_parameters, search, models, unexplained), nothing)

@@ -45,15 +45,15 @@ class InitialStateSettings:
 
     Attributes:
       reach: of the samples to either side of a window's start, in natural units.
-      motion: prior of the motion, which matters for a window next to a gap.
-      place_prior, speed_prior: standard deviations of the estimates, in natural units.
+      motion: prior of the motion, which matters for a window next to a gap; its speed is also the standard
+        deviation of the estimated velocities.
+      place_prior: standard deviation of the estimated poses, in natural units.
       winch_prior: of the winch positions at the start of a recording, in lengths of the robot.
     """
 
     reach: float = 1.0
     motion: MotionPrior = MotionPrior()
     place_prior: float = 0.1
-    speed_prior: float = 0.5
     winch_prior: float = 0.003
 
 
@@ -62,16 +62,15 @@ class JacobianSettings:
     """Finite differences.
 
     Attributes:
-      state_step: of accurate differences of an initial state, in natural units.
-      rough_steps: of rough ones, in turn: contacts make every one of them blind somewhere.
+      steps: of an initial state, in natural units: the first for accurate differences, all in turn for rough
+        ones: contacts make every one of them blind somewhere.
       winch_step: of a winch's offset, in lengths of the robot.
       parameter_step: of a value of an effect, in typical sizes: a secant, not a derivative, because friction
         and play have none at zero.
       believed: largest allowed deviation from a prior, in standard deviations.
     """
 
-    state_step: float = 2e-3
-    rough_steps: tuple[float, ...] = (2e-3, 8e-3, 5e-4)
+    steps: tuple[float, ...] = (2e-3, 8e-3, 5e-4)
     winch_step: float = 1e-3
     parameter_step: float = 0.25
     believed: float = 3.0
@@ -91,8 +90,7 @@ class LeastSquaresSettings:
         too, are kept for all these steps, because their simulation dominates the cost then, and the best of
         the dampings is used.
       prediction_error_tolerance: error of a window's predicted change, relative to the change, above which
-        its Jacobian is stale.
-      negligible_prediction_error: square of an always negligible error [sigma^2].
+        its Jacobian is stale; and square of an always negligible error [sigma^2].
     """
 
     shared_damping: tuple[float, ...] = (0.0, 0.1, 1.0, 10.0, 100.0, inf)
@@ -104,7 +102,6 @@ class LeastSquaresSettings:
     steps: int = 3
     reuse_sensitivities_from: int = 12
     prediction_error_tolerance: float = 0.3
-    negligible_prediction_error: float = 0.3
 
 
 @dataclass(frozen=True)
@@ -142,12 +139,10 @@ class RefinementSettings:
         More is visible in the fit, and contacts in coarse steps make discontinuities in its cost.
       tolerated_by_nothing: the same before the answer that nothing is missing: a small effect may hide
         behind it.
-      finest: largest ratio of steps: quarters are seldom better, and take twice as long.
     """
 
     tolerated: float = 0.3
     tolerated_by_nothing: float = 0.05
-    finest: int = 2
 
 
 @dataclass(frozen=True)
@@ -159,12 +154,12 @@ class MultistartSettings:
       rotations: number of random ones of the bodies about invisible axes, tried for each such window.
       rotation_sigma: their standard deviation [rad].
       damping: of a step in the search, all of which are tried.
-      rounds: of the search.
-      rounds_before_elimination: after which only the `finalists` of each window continue.
-      finalists: initial states of each window that continue after the elimination, and starts of a fit that
-        are fitted for more than a round.
+      finalists: initial states of each window that continue after the rounds `before`, and starts of a fit
+        that are fitted for more than a round.
       eased: fraction of a window's excess that must disappear with another state if its state is to blame.
-      before, after: rounds of a fit before windows start elsewhere, and after.
+      before, after: rounds of a fit before windows start elsewhere, and after; of the other initial states,
+        before all but the `finalists` of a window are given up, and after; of starts around a result, and
+        largest number of times that these are fitted.
       going: fraction of the cost that the last round must remove for a fit to continue: stiff cables make it
         so rough that it is far from its end after the usual rounds.
       longest: largest number of further rounds of such a fit.
@@ -174,8 +169,6 @@ class MultistartSettings:
     rotations: int = 4
     rotation_sigma: float = 0.4
     damping: tuple[float, ...] = (1e-4, 1e-2, 0.1, 1.0, 10.0)
-    rounds: int = 6
-    rounds_before_elimination: int = 2
     finalists: int = 2
     eased: float = 0.2
     before: int = 2
@@ -189,10 +182,7 @@ class NuisanceSettings:
     """Nuisance parameters: uncertain numbers of the MJCF.
 
     Attributes:
-      beside: standard deviations from the prior, or from the result, of additional starts of a fit.
       far_off: residual/noise ratio above which no other starts are tried: they are not the fault.
-      rounds: further ones for every start around the result.
-      repeats: largest number of fits started around the result.
       shakes: number of fits of a robot as built started around the result.
       shake: standard deviation of these moves, relative to the priors: just enough to move a fit off the
         edges that contacts make in its cost.
@@ -200,10 +190,7 @@ class NuisanceSettings:
         that is farther from its target is not moved.
     """
 
-    beside: tuple[float, ...] = (-1.0, 1.0)
     far_off: float = 2.0
-    rounds: int = 2
-    repeats: int = 4
     shakes: int = 3
     shake: float = 0.1
     most_by_shaking: float = 500.0
@@ -305,64 +292,25 @@ class ScoreSettings:
 
 
 @dataclass(frozen=True)
-class PairSettings:
-    """Two candidates scored together.
-
-    Attributes:
-      more: ratio to the explanation by the best candidate alone, from which a pair is tried.
-      among: number of best candidates.
-    """
-
-    more: float = 1.2
-    among: int = 25
-
-
-@dataclass(frozen=True)
-class FormSettings:
-    """Other forms of an identified effect.
-
-    Attributes:
-      spread: standard deviation of the logarithm of the ratio between parts: most are within a factor of
-        two.
-      rivals: number of further effects that are fitted with a size for each part, if the identified one has
-        that; and of forms that are fitted in addition to the candidates.
-      more: ratio to the explanation by the best candidate, from which another law, or an effect at one part
-        alone, is fitted in addition to it.
-      enough: fraction of the residual beyond noise promised by the best candidate, from which no effect at
-        one part alone is tested.
-      alone: smallest share of the largest part in the sum over all parts, for trying the effect there alone;
-        factors are drawn to one, so that those of the others do not vanish.
-    """
-
-    spread: float = 0.5
-    rivals: int = 2
-    alone: float = 0.4
-    more: float = 1.2
-    enough: float = 0.9
-
-
-@dataclass(frozen=True)
-class ScreeningSettings:
-    """Screening of candidates at the first estimates of the initial states.
-
-    Attributes:
-      sizes: tried ones, in typical sizes.
-      explained: smallest fraction of a fit's residual that a score must promise to skip the screening, and of
-        the cost at the first estimates that a candidate must explain.
-    """
-
-    sizes: tuple[float, ...] = (-2.0, -1.0, 1.0, 2.0)
-    explained: float = 0.5
-
-
-@dataclass(frozen=True)
 class SelectionSettings:
     """The stepwise search.
 
     Attributes:
       shortlist: candidates that are fitted in each forward step.
-      share: of the best candidate's LM statistic that one needs to be fitted.
-      per_family: places of one effect on the short list.
+      share: of the best candidate's LM statistic that one needs to be fitted; and of the error at the first
+        estimates of the initial states, if no score promises as much of a fit's residual.
+      screened: sizes tried at these, in typical sizes.
+      per_family: places of one effect on the short list; number of other laws and of effects at one part
+        beside it; and of further effects that are fitted with a size for each part, if an identified one has
+        that.
+      more: ratio to the explanation by the best candidate, from which two of them, or all numbers of a robot
+        as built, are tried.
+      more_by_form: the same for another law, or an effect at one part alone.
+      pairs: number of best candidates that are scored two at a time.
+      spread: standard deviation of the logarithm of the ratio between parts: most are within a factor of
+        two.
+      alone: smallest share of the largest part in the sum over all parts, for trying the effect there alone;
+        factors are drawn to one, so that those of the others do not vanish.
       max_effects: in one answer; a search has twice as many steps.
       least_share: fraction of an answer's residual beyond noise that another effect must promise to explain.
       least_share_of_last: the same for the last allowed effect, without which the answer is incomplete
@@ -382,7 +330,13 @@ class SelectionSettings:
 
     shortlist: int = 4
     share: float = 0.5
+    screened: tuple[float, ...] = (-2.0, -1.0, 1.0, 2.0)
     per_family: int = 2
+    more: float = 1.2
+    more_by_form: float = 1.2
+    pairs: int = 25
+    spread: float = 0.5
+    alone: float = 0.4
     max_effects: int = 3
     least_share: float = 0.2
     least_share_of_last: float = 0.4
@@ -395,9 +349,6 @@ class SelectionSettings:
     rival: float = 0.8
     suspect_share: float = 0.25
     score: ScoreSettings = ScoreSettings()
-    pairs: PairSettings = PairSettings()
-    forms: FormSettings = FormSettings()
-    screening: ScreeningSettings = ScreeningSettings()
 
 
 @dataclass(frozen=True)
@@ -429,18 +380,14 @@ class CheckSettings:
       shift: standard deviations by which the initial states are moved, to see how much of an effect is still
         detected: a whole one leaves the valley of the cost in the presence of contacts.
       pieces: of a window, for the localisation of a residual.
-      half: fraction of the highest piece's excess over noise, above which adjacent pieces belong to it.
       astray: ratio to the mean square of an unfitted start, above which a window's fit has not converged.
-      most_astray: fraction of such windows above which no assessment is possible.
     """
 
     rare: float = 1e-3
     least_told: float = 1e-3
     shift: float = 0.5
     pieces: int = 10
-    half: float = 0.5
     astray: float = 4.0
-    most_astray: float = 0.5
     discrepancy: DiscrepancySettings = DiscrepancySettings()
 
 
@@ -454,17 +401,15 @@ class Limits:
       max_residual_variance: of the residual, above which it is more than noise, with exactly known noise.
       max_held_out_variance: of the residual on held-out recordings, above which numbers of a robot as built
         explain only the fitted recordings.
-      least_gain: smallest removed share of the initial model's error beyond noise, on windows that were not
-        fitted, for effects to be named as a part of the answer.
-      partial: the same on the fitted recordings, above which an answer with a residual is `PARTIAL`: most of
-        the error has a name.
-      adopted: share of the held-out error beyond noise, as mean squares, from which effects with an
-        unexplained residual are adopted unnamed.
+      least_share: of an error beyond noise that is worth a name: the initial model's on windows that were
+        not fitted, removed by effects of the answer; what another law and an answer explain, by that law.
+      most: share of the initial model's error beyond noise, above which the answer explains most of it: on
+        fitted recordings an answer with a residual is `PARTIAL`, and on held-out ones its effects are adopted
+        unnamed; a number of the MJCF that explains as much may be far off.
       tolerance: RMS model error that you accept; the search stops below it [m]; 0 to accept none.
       sure: standard deviations of the noise's own error, in addition to that.
       correlated: correlation from sample to sample, likewise.
       outstanding: largest excess of one window, in standard deviations of noise.
-      other: share of another law in the explanation by it and an answer.
       margin: factor on a model's own errors in a few draws, which are seldom the worst of them.
     """
 
@@ -472,14 +417,12 @@ class Limits:
     equally_good: float = 10.0
     max_residual_variance: float = 1.05
     max_held_out_variance: float = 1.25
-    least_gain: float = 0.1
-    partial: float = 0.5
-    adopted: float = 0.5
+    least_share: float = 0.1
+    most: float = 0.5
     tolerance: float = 0.0
     sure: float = 2.0
     correlated: float = 0.05
     outstanding: float = 6.0
-    other: float = 0.1
     margin: float = 1.5
 
 

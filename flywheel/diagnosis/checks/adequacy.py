@@ -101,7 +101,7 @@ def adequacy(
         correlation=sample_correlation(test.left, shape),
         inconstancy=_inconstancy(fit, test, by_value, settings),
         beyond_noise=test.beyond_noise(fitter),
-        converged=mostly(~astray(fitter, fit, unfitted, settings), settings),
+        converged=mostly(~astray(fitter, fit, unfitted, settings)),
     )
 
 
@@ -119,9 +119,9 @@ def astray(
     return np.asarray(fitter.mean_squares(fit) > most)
 
 
-def mostly(converged: np.ndarray, settings: CheckSettings = CheckSettings()) -> bool:
-    """True if enough of the windows (K,) converged for an assessment."""
-    return bool(1.0 - converged.mean() <= settings.most_astray)
+def mostly(converged: np.ndarray) -> bool:
+    """True if enough of the windows (K,) converged for an assessment: at least half."""
+    return bool(converged.mean() >= 0.5)
 
 
 def loudest(left: Floats, noisy: np.ndarray, freedom: float) -> float:

@@ -59,7 +59,7 @@ def localise(
     pieces = in_noise * _pieces(fitter, test, settings.pieces)  # (K, pieces, P)
     over_points = pieces.mean(axis=2)
     window, piece = (int(i) for i in np.unravel_index(over_points.argmax(), over_points.shape))
-    first, last = _run(over_points[window], piece, settings.half)
+    first, last = _run(over_points[window], piece)
     length = windows.steps * windows.dt / pieces.shape[1]
     start = windows.first[window] * windows.dt
     point = int(pieces[window, first : last + 1].mean(axis=0).argmax())
@@ -104,9 +104,9 @@ def _pieces(fitter: Fitter, test: ScoreTest, count: int) -> Floats:
     return np.stack(means, axis=1)
 
 
-def _run(pieces: Floats, highest: int, half: float) -> tuple[int, int]:
-    """First and last of the adjacent pieces that stand out like the highest."""
-    above = pieces > 1.0 + half * max(pieces[highest] - 1.0, 0.0)
+def _run(pieces: Floats, highest: int) -> tuple[int, int]:
+    """First and last of the adjacent pieces that stand out by half as much as the highest."""
+    above = pieces > 1.0 + 0.5 * max(pieces[highest] - 1.0, 0.0)
     first = last = highest
     while first > 0 and above[first - 1]:
         first -= 1

@@ -101,7 +101,7 @@ def fitted_starts(
         only_noise=only,
         windows=len(stuck),
         left_out=int(stuck.sum()),
-        converged=mostly(~stuck, settings.checks),
+        converged=mostly(~stuck),
     )
 
 

@@ -34,7 +34,7 @@ class FiniteDifferences:
 
     def precise(self, fit: Fit, members: np.ndarray) -> Jacobian:
         """The Jacobian of windows `members` (n,) around a fit."""
-        simulator, local, step = self._simulator, fit.local[members], self._settings.state_step
+        simulator, local, step = self._simulator, fit.local[members], self._settings.steps[0]
         ahead, behind = (self._aside(simulator, fit, members, local, s) for s in (step, -step))
         by_local = simulator.windows.slope(ahead - behind, 2 * step, members)
         return Jacobian(by_local, self._by_winch(simulator, fit, members, fit.points[members]))

@@ -514,8 +514,5 @@ def _mispredicted(
 ) -> np.ndarray:
     """(K,) windows whose residuals (K, D) differ from the prediction."""
     off, went = ((after - x) ** 2 for x in (promised, before))
-    noticed = np.maximum(
-        settings.prediction_error_tolerance**2 * went.sum(axis=1),
-        settings.negligible_prediction_error,
-    )
-    return np.asarray(off.sum(axis=1) > noticed)
+    tolerance = settings.prediction_error_tolerance
+    return np.asarray(off.sum(axis=1) > np.maximum(tolerance**2 * went.sum(axis=1), tolerance))

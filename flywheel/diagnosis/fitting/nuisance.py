@@ -185,11 +185,11 @@ def _lowest_nearby(fitter: Fitter, fit: Fit, unknown: Sequence[FreeParameter]) -
     The depth of a minimum is unknown after one round: all starts continue. Then each window takes
     the best of all initial states found.
     """
-    settings = fitter.settings.nuisance
-    for _ in range(settings.repeats):
+    settings = fitter.settings.multistart
+    for _ in range(settings.after):
         renewed = replace(fit, cache=fitter.renewed(fit))
         begun = _begun_beside(fitter, renewed, fit.terms, unknown)
-        ended = [fitter.fit(each, unknown, rounds=settings.rounds) for each in begun]
+        ended = [fitter.fit(each, unknown, rounds=settings.before) for each in begun]
         best = min(ended, key=lambda each: each.cost)
         others = [each for each in ended if each is not best]
         for each in others:
@@ -204,6 +204,5 @@ def _begun_beside(
     fitter: Fitter, fit: Fit, terms: Terms, unknown: Sequence[FreeParameter]
 ) -> list[Fit]:
     """A round from terms and from around them, by the fit's Jacobian."""
-    sides = fitter.settings.nuisance.beside
-    moved = [value.moved(terms, side * value.prior) for value in unknown for side in sides]
+    moved = [value.moved(terms, side * value.prior) for value in unknown for side in (-1.0, 1.0)]
     return [fitter.fit(fitter.with_terms(fit, each), unknown, rounds=1) for each in (terms, *moved)]

@@ -36,7 +36,7 @@ class PlantFitter(Fitter):
         settings: FittingSettings = FittingSettings(),
     ) -> None:
         known = settings.initial_states
-        prior = np.repeat([known.place_prior, known.speed_prior], simulator.tangent // 2)
+        prior = np.repeat([known.place_prior, known.motion.speed], simulator.tangent // 2)
         winch_prior = known.winch_prior * simulator.winch_unit
         super().__init__(simulator.windows, prior, winch_prior, settings)
         self.simulator, self.first, self._halved = simulator, first, simulator.halved()
@@ -115,7 +115,7 @@ class PlantFitter(Fitter):
 
     def _rough(self, fit: Fit, members: np.ndarray) -> Jacobian:
         """A rough Jacobian of windows `members` (n,)."""
-        steps = self.settings.jacobian.rough_steps
+        steps = self.settings.jacobian.steps
         turn = 0 if fit.cache is None else fit.cache.number + 1
         return self.differences.rough(fit, members, steps[turn % len(steps)])
 
@@ -130,10 +130,12 @@ class PlantFitter(Fitter):
         return self.windows.slope(difference, 1.0, np.arange(len(fit.points)))
 
     def finer(self, fit: Fit, tolerated: float) -> Self | None:
-        """The same with half the time step if that changes more than `tolerated` [sigma]."""
+        """The same with half the time step if that changes more than `tolerated` [sigma].
+
+        Quarters are seldom better, and take twice as long.
+        """
         square = self.windows.mean_square(self.step_error(fit)[..., 0])
-        can = self.simulator.fineness < self.settings.refinement.finest
-        coarse = np.asarray((square > tolerated**2) & can)
+        coarse = np.asarray((square > tolerated**2) & (self.simulator.fineness == 1))
         return self.halved(coarse) if coarse.any() else None
 
     def halved(self, where: np.ndarray) -> Self:
@@ -287,14 +289,15 @@ class PlantFitter(Fitter):
 
         After the elimination, each goes on as long as it may still become the lowest of its window.
         """
-        settings, rough = self.settings.multistart, self.settings.jacobian.rough_steps
+        settings, rough = self.settings.multistart, self.settings.jacobian.steps
+        rounds = settings.before + settings.after
         local, cost, on = local.copy(), np.zeros(len(members)), np.ones(len(members), bool)
-        for number, step in enumerate(islice(cycle(rough), settings.rounds), 1):
+        for number, step in enumerate(islice(cycle(rough), rounds), 1):
             before = cost.copy()
             local[on], before[on], cost[on] = self._stepped_alone(fit, members[on], local[on], step)
-            if number < settings.rounds_before_elimination:
+            if number < settings.before:
                 continue
-            if number == settings.rounds_before_elimination:
+            if number == settings.before:
                 kept = _best_of_each(members, cost, settings.finalists)
                 members, local, on = members[kept], local[kept], on[kept]
                 before, cost = before[kept], cost[kept]
@@ -302,7 +305,7 @@ class PlantFitter(Fitter):
             with np.errstate(invalid="ignore"):  # both infinite
                 fell, missing = before - cost, cost - least
             on &= fell > self.settings.stopping.converged_fall
-            on &= missing <= (settings.rounds - number) * fell
+            on &= missing <= (rounds - number) * fell
             if not on.any():
                 break
         own = self.costs(fit.carried, fit.terms, np.arange(len(fit.local)), fit.local)

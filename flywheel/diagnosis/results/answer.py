@@ -149,7 +149,7 @@ class Answer(_Part):
     @property
     def worth_having(self) -> float:
         """The smallest share of the held-out error beyond noise for an unnamed adoption, see `Limits`."""
-        return self.settings.get("limits.adopted", Limits().adopted)
+        return self.settings.get("limits.most", Limits().most)
 
     @property
     def is_clear(self) -> bool:

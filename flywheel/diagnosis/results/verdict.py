@@ -263,7 +263,7 @@ def carries_over(limits: Limits, held_out: Errors | None) -> bool:
 
 def worth_having(limits: Limits, gain: Gain) -> bool:
     """True if effects remove enough of the initial model's error to be named as a part of it."""
-    return gain.clear and gain.share >= limits.least_gain
+    return gain.clear and gain.share >= limits.least_share
 
 
 def imitated(limits: Limits, law: Misspecification) -> bool:
@@ -280,7 +280,7 @@ def other_form(limits: Limits, law: Misspecification) -> bool:
     An existing effect leaves a residual to another law if the plant has it in a slightly different
     form; but in its place that law would not explain more.
     """
-    beside = law.score > limits.threshold and law.share > limits.other
+    beside = law.score > limits.threshold and law.share > limits.least_share
     return imitated(limits, law) or beside
 
 
@@ -349,6 +349,6 @@ def _with_effects(facts: Facts) -> Verdict:
     if certain and enough and not (matters and facts.discrepancy):
         return Verdict.AMBIGUOUS if facts.ambiguous else Verdict.EFFECT
     explained = (before.noise - after.noise) / max(before.noise - 1.0, 1e-9)
-    most = enough or (explained > limits.partial and not imitated(limits, law))
+    most = enough or (explained > limits.most and not imitated(limits, law))
     gained = facts.gain is not None and worth_having(limits, facts.gain)
     return Verdict.PARTIAL if gained or (certain and most) else Verdict.OUTSIDE_LIBRARY

@@ -16,14 +16,9 @@ import numpy as np
 
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
 from flywheel.diagnosis.fitting.nuisance import as_said
-from flywheel.diagnosis.selection.candidates import Candidate, at_parts, families
+from flywheel.diagnosis.selection.candidates import Candidate, families
 from flywheel.diagnosis.selection.criterion import Promise, promised
-from flywheel.diagnosis.selection.score_test import (
-    Score,
-    ScoredModel,
-    further_scores,
-    slices_of,
-)
+from flywheel.diagnosis.selection.score_test import Score, ScoredModel, slices_of
 from flywheel.diagnosis.selection.search import Search, without
 from flywheel.effects import (
     PerPart,
@@ -37,24 +32,6 @@ from flywheel.effects import (
     per_part_term,
     with_shares,
 )
-
-
-def proposed_forms(search: Search, model: ScoredModel) -> list[Term]:
-    """Other laws, and effects at one cable or winch alone, that promise clearly more than any candidate.
-
-    Effects at one part alone, which need simulations, are not tested if the best candidate promises
-    to explain nearly the whole residual.
-    """
-    settings, best = search.settings.forms, model.scores[0]
-    asked = {each.effect.family for each in search.library}
-    forms = [each for each in model.probes if each.candidate.effect.form]
-    found = [each for each in forms if each.candidate.effect.family in asked]
-    if best.statistic <= settings.enough * model.beyond_noise:
-        alone = at_parts(search.fitter.windows.robot, search.library)
-        found += further_scores(search.fitter, model.fit, model.test, alone, search.settings.score)
-    promising = [s for s in found if s.statistic > settings.more * best.statistic]
-    promising.sort(key=lambda each: -each.statistic)
-    return [each.candidate.term(each.sizes, each.shape) for each in promising[: settings.rivals]]
 
 
 def in_other_forms(
@@ -171,7 +148,7 @@ def _at_one_part(search: Search, fit: Fit) -> Fit | None:
     """A fit with its form at the largest part alone, fitted again; None if others have much of it."""
     *others, term = fit.terms
     alone, share = at_largest_part(term)
-    if share < search.settings.forms.alone:
+    if share < search.settings.alone:
         return None
     search.heartbeat(f"fitting {term.effect.name} at one {term.effect.part}")
     begun = search.fitter.with_terms(fit, (*others, alone))
@@ -183,7 +160,7 @@ def promised_per_part(
 ) -> Promise | None:
     """Promise of a model with a size of a term for each part beside others; None if it has no parts."""
     fitter = search.fitter
-    term = per_part_term(even, fitter.windows.robot, search.settings.forms.spread)
+    term = per_part_term(even, fitter.windows.robot, search.settings.spread)
     if term is None:
         return None
     begun = replace(fitter.with_terms(model.fit, (*others, term)), cache=model.fit.cache)
@@ -195,13 +172,13 @@ def _per_part(search: Search, model: ScoredModel, family: str) -> Fit | None:
 
     Numbers of a robot as built differ between parts, too: it must promise about as much as they do.
     """
-    fit, fitter, spread = model.fit, search.fitter, search.settings.forms.spread
+    fit, fitter, spread = model.fit, search.fitter, search.settings.spread
     term = _of_family(fit, family)
     others = without(fit.terms, term)
     promise = promised_per_part(search, model, others, term)
     if promise is None or (promise.explained < search.threshold and term.place is None):
         return None
-    numbers, more = search.promised_as_built(model), search.settings.pairs.more
+    numbers, more = search.promised_as_built(model), search.settings.more
     if numbers is not None and numbers.explained > more * promise.explained:
         return None
     *_, uneven = promise.fit.terms

@@ -4,28 +4,23 @@ All unknowns of no interest (initial states, the winches' offsets, effects in th
 projected out of residuals and sensitivities alike. The rest of an effect's sensitivity, g, and of
 the residual, r, gives its size (g'r / g'g), its Lagrange-multiplier statistic ((g'r)^2 / g'g) and
 the smallest visible size, without a refit (Rao 1948), in the linearisation of the fit.
-
-Two effects are scored together, too: one that explains nothing alone may do so in addition to
-another.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 
 import numpy as np
 
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter, Jacobian, local_bases
 from flywheel.diagnosis.selection.candidates import Candidate
-from flywheel.diagnosis.settings import Limits, PairSettings, ScoreSettings
+from flywheel.diagnosis.settings import Limits, ScoreSettings
 from flywheel.diagnosis.statistics import POWER, chance
-from flywheel.effects import Term, Terms
+from flywheel.effects import Term
 from flywheel.records import Floats
 
 DEAD = 1e-6  # a sensitivity below this many sigmas means that the knob is not connected
-SINGULAR = 1e6  # condition number of two effects that cannot be distinguished
 
 
 @dataclass(frozen=True)
@@ -444,45 +439,3 @@ def further_scores(
         test, candidates=tuple(library), columns=columns, shorter=shorter, slices=slices_of(library)
     )
     return other.scores()
-
-
-def promising_pairs(
-    test: ScoreTest, scores: Sequence[Score], settings: PairSettings = PairSettings()
-) -> list[Terms]:
-    """The pair that promises to explain the most; none if that is not clearly more than the best
-    candidate alone.
-
-    The second one must add a visible amount.
-
-    Args:
-      scores: of the test's candidates, best first.
-      settings: of the diagnosis.
-    """
-    gram, right = test.columns.T @ test.columns, test.columns.T @ test.residual
-    index = {score.candidate: i for i, score in enumerate(test.scores())}
-    found: list[tuple[float, Terms]] = []
-    for pair in combinations(scores[: settings.among], 2):
-        columns = [
-            np.arange(test.columns.shape[1])[test.slices[index[s.candidate]][s.shape]] for s in pair
-        ]
-        both = np.concatenate(columns)
-        a, b = gram[np.ix_(both, both)], right[both]
-        if np.linalg.cond(a) > SINGULAR:
-            continue
-        sizes = np.linalg.solve(a, b)
-        parts = np.split(sizes, [len(columns[0])])
-        if not all(_allowed(s, part) for s, part in zip(pair, parts, strict=True)):
-            continue
-        terms = tuple(
-            s.candidate.term(tuple(part), s.shape) for s, part in zip(pair, parts, strict=True)
-        )
-        found.append((float(b @ sizes), terms))
-    least = settings.more * scores[0].statistic + test.threshold
-    found.sort(key=lambda each: -each[0])
-    return [terms for explained, terms in found[:1] if explained > least]
-
-
-def _allowed(score: Score, sizes: Floats) -> bool:
-    """Sizes that cannot be negative are not."""
-    parameters = score.candidate.effect.sizes
-    return all(s >= 0 or not p.one_sided for s, p in zip(sizes, parameters, strict=True))

@@ -15,7 +15,7 @@ from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
 from flywheel.diagnosis.fitting.nuisance import as_said
 from flywheel.diagnosis.selection.candidates import Candidate, places
 from flywheel.diagnosis.selection.score_test import Score, ScoredModel
-from flywheel.diagnosis.settings import ScreeningSettings
+from flywheel.diagnosis.settings import SelectionSettings
 from flywheel.effects import Term, Terms
 
 
@@ -24,12 +24,13 @@ def screened(
     model: ScoredModel,
     library: Sequence[Candidate],
     known: Sequence[Score],
-    settings: ScreeningSettings = ScreeningSettings(),
+    settings: SelectionSettings = SelectionSettings(),
 ) -> list[Terms]:
     """A further effect that explains most of the model's residual at the first estimates; usually none.
 
     It is only tested if a model is clearly wrong, and no score promises to explain much of it; and
-    not if a model starts from the measurements.
+    not if a model starts from the measurements. Smooth ground needs it: of logs of 2 s one in eight misled
+    the fitted states so far that its score had the wrong sign.
 
     Args:
       fitter: of the model.
@@ -38,16 +39,16 @@ def screened(
       known: fitted anyway.
       settings: of the diagnosis.
     """
-    promised = max(score.statistic for score in model.scores) > settings.explained * model.left
+    promised = max(score.statistic for score in model.scores) > settings.share * model.left
     wrong = fitter.starts_are_free and fitter.worthwhile(model.fit) > 0.0
     had = places(model.fit.terms)
     further = [each for each in library if (each.effect.name, each.place) not in had]
     if promised or not wrong or not further:
         return []
     begun = fitter.first_estimate(as_said(model.fit.terms))  # what was fitted was misled, too
-    best = [(*_best(fitter, begun, each, settings.sizes), each) for each in further]
+    best = [(*_best(fitter, begun, each, settings.screened), each) for each in further]
     cost, term, candidate = min(best, key=lambda each: each[0])
-    explained = begun.cost - cost > settings.explained * (begun.cost - model.test.freedom)
+    explained = begun.cost - cost > settings.share * (begun.cost - model.test.freedom)
     if not explained or any(_same_way(score, candidate, term) for score in known):
         return []
     return [(term,)]

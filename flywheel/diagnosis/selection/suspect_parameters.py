@@ -87,7 +87,7 @@ def suspect_parameters(
 
 
 def far_off_parameters(
-    search: Search, models: Sequence[ScoredModel]
+    search: Search, models: Sequence[ScoredModel], most: float
 ) -> tuple[SuspectParameter, ...]:
     """Numbers that would be far off, and by themselves explain more than the answer, by fits of their own.
 
@@ -97,6 +97,7 @@ def far_off_parameters(
 
     Args:
       search, models: that led to an answer that leaves something.
+      most: smallest share of the error beyond noise that such a number explains.
     """
     settings, fitter = search.settings, search.fitter
     begun, last = models[0], models[-1]
@@ -109,7 +110,7 @@ def far_off_parameters(
         share = (fit.cost - best.cost) / max(fit.cost - fitter.freedom, 1.0)
         if (
             abs(off) > settings.suspect_share
-            and share >= settings.screening.explained
+            and share >= most
             and best.cost < last.fit.cost - search.threshold
         ):
             typical = score.candidate.typical[0]

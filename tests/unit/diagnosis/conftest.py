@@ -16,7 +16,7 @@ from tests import draws
 
 SECONDS = 0.8
 # For searches that are about something else than pairs of effects, or robots whose numbers are all off.
-QUICK = changed(Settings(), {"selection.pairs.more": 1e6})
+QUICK = changed(Settings(), {"selection.more": 1e6})
 
 
 @pytest.fixture(scope="module")

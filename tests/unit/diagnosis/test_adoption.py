@@ -112,7 +112,7 @@ def test_an_effect_that_explains_most_of_what_is_held_out_is_adopted_beside_what
 @pytest.mark.parametrize(("share", "clear"), [(0.3, True), (0.4, False)])
 def test_the_share_from_which_that_is_so_is_a_setting(share: float, clear: bool) -> None:
     third = answer("OUTSIDE_LIBRARY", [GAIN], after=0.0111)
-    assert Answer.of({**third, "settings": {"limits.adopted": share}}).is_clear == clear
+    assert Answer.of({**third, "settings": {"limits.most": share}}).is_clear == clear
 
 
 def test_naming_an_answer_overrules_doubts() -> None:

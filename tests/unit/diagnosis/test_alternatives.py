@@ -230,7 +230,7 @@ def test_where_a_model_is_wrong_anyway_an_effect_has_to_gain_something_elsewhere
         fit_until=lambda fit: fit,
         share=lambda fit, less, term: share if term is terms["b"] else 9.0,
     )
-    searched: Any = SimpleNamespace(search=search, limits=SimpleNamespace(least_gain=0.1))
+    searched: Any = SimpleNamespace(search=search, limits=SimpleNamespace(least_share=0.1))
     models = [model(), model("a"), model("a", "b")]
     begun = replace(judge(None, models), shorter=(model("b"),))
     judged = conclusion.with_gains(searched, begun, None)

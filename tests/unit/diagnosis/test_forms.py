@@ -17,8 +17,9 @@ from flywheel.diagnosis.judgement import judge, without_unclear_factors
 from flywheel.diagnosis.results.answer import Answer
 from flywheel.diagnosis.selection import other_forms as module
 from flywheel.diagnosis.selection.candidates import candidates
+from flywheel.diagnosis.selection.proposals import promising_forms
 from flywheel.diagnosis.selection.search import Search
-from flywheel.diagnosis.settings import FormSettings
+from flywheel.diagnosis.settings import SelectionSettings
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import (
     EFFECTS,
@@ -40,6 +41,7 @@ from flywheel.robots import Robot, load_robot
 from tests.unit.diagnosis.conftest import QUICK, recorded
 
 ROBOT = "platform4"
+PROPOSALS = "flywheel.diagnosis.selection.proposals"
 
 FEW = {name: EFFECTS[name] for name in ("cable_friction", "capstan", "winch_gain", "weak_cable")}
 FACTORS = (0.5, -0.9, 0.3, -0.5)  # logarithms
@@ -132,7 +134,6 @@ def test_a_law_that_promises_clearly_more_is_fitted_whatever_the_best_candidate_
     robot: Robot, monkeypatch: pytest.MonkeyPatch, beyond_noise: float, asked: list[str]
 ) -> None:
     """What is simulated for it, effects at one part alone, is not where the best explains nearly all."""
-    settings = FormSettings()
 
     def score(name: str, statistic: float, form: str = "") -> Any:
         effect = SimpleNamespace(form=form, family="creep", name=name)
@@ -141,17 +142,17 @@ def test_a_law_that_promises_clearly_more_is_fitted_whatever_the_best_candidate_
 
     best = score("creep", 100.0)
     laws = [score("other law", 130.0, "on length"), score("weaker law", 110.0, "by tension")]
-    monkeypatch.setattr(module, "further_scores", lambda *_: [score("at one part", 140.0)])
+    monkeypatch.setattr(f"{PROPOSALS}.further_scores", lambda *_: [score("at one part", 140.0)])
     search: Any = SimpleNamespace(
-        settings=SimpleNamespace(forms=settings, score=None),
+        settings=SelectionSettings(),
         library=[best.candidate],
         fitter=SimpleNamespace(windows=SimpleNamespace(robot=robot)),
     )
-    monkeypatch.setattr(module, "at_parts", lambda *_: ())
+    monkeypatch.setattr(f"{PROPOSALS}.at_parts", lambda *_: ())
     model: Any = SimpleNamespace(
         scores=[best], probes=laws, beyond_noise=beyond_noise, fit=None, test=None
     )
-    assert module.proposed_forms(search, model) == asked
+    assert [each.candidate.effect.name for each in promising_forms(search, model)] == asked
 
 
 class TwoWays(TensionEffect):

@@ -34,7 +34,7 @@ def _diagnosed(robot: Robot, hidden: Term, recordings: int, seed: int, strict: L
 
 @pytest.mark.slow
 def test_damping_of_another_form_is_no_cable_damping(robot: Robot, seed: int) -> None:
-    strict = Limits(other=0.0)  # whatever is seen of another law tells
+    strict = Limits(least_share=0.0)  # whatever is seen of another law tells
     found = _diagnosed(robot, _of(robot, LAW, 5.0), 1, seed, strict)
     outside = Verdict.OUTSIDE_LIBRARY, Verdict.PARTIAL
     assert found.verdict in outside, (seed, found.misspecification)
@@ -50,7 +50,7 @@ def test_damping_of_another_form_is_no_cable_damping(robot: Robot, seed: int) ->
 @pytest.mark.slow
 def test_cable_damping_itself_has_the_right_form(robot: Robot, seed: int) -> None:
     # Rarely (seed 2372015498) the noise of so short recordings is estimated so much too small.
-    strict = Limits(other=0.0, max_residual_variance=1.3)
+    strict = Limits(least_share=0.0, max_residual_variance=1.3)
     found = _diagnosed(robot, _of(robot, "cable_damping", 1.0), 2, seed, strict)
     assert found.verdict is Verdict.EFFECT, (seed, found.misspecification)
     assert found.summary()["misspecification"] is None
@@ -58,7 +58,7 @@ def test_cable_damping_itself_has_the_right_form(robot: Robot, seed: int) -> Non
 
 def test_a_law_that_explains_little_beside_an_answer_is_no_other_form() -> None:
     limits = Limits()
-    score, share = limits.threshold, limits.other
+    score, share = limits.threshold, limits.least_share
     assert not other_form(limits, NONE)
     assert other_form(limits, Misspecification("x", score + 1.0, share + 0.01))
     assert not other_form(limits, Misspecification("x", score - 1.0, 1.0))

@@ -94,7 +94,7 @@ def test_what_is_screened_is_fitted_beside_what_scores_propose(
     wrong = next(s for s in model.scores if s.candidate.effect.name == "payload")
     scores = tuple(replace(s, statistic=1.0, score=30.0) for s in model.scores)
     then = tuple(replace(s, statistic=0.0) for s in model.scores)
-    monkeypatch.setattr("flywheel.diagnosis.selection.stepwise.promising_pairs", lambda *_: [])
+    monkeypatch.setattr("flywheel.diagnosis.selection.proposals.promising_pairs", lambda *_: [])
     monkeypatch.setattr(Search, "shortlist", lambda *_: [replace(wrong, sizes=(1.0,))])
     monkeypatch.setattr(Search, "score_all", lambda _, fit: replace(model, fit=fit, scores=then))
     search = Search(fitter, library, 25.0)

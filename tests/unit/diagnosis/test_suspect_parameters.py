@@ -20,7 +20,7 @@ from flywheel.diagnosis.selection.suspect_parameters import (
     far_off_parameters,
     suspect_parameters,
 )
-from flywheel.diagnosis.settings import SelectionSettings
+from flywheel.diagnosis.settings import Limits, SelectionSettings
 from flywheel.dynamics.plant import Plant, PlantParameters
 from flywheel.effects import CALIBRATIONS, EFFECTS, Term, Terms
 from flywheel.reports.diagnosis_page import suspects
@@ -31,6 +31,7 @@ pytestmark = pytest.mark.slow
 
 FEW = {"winch_gain": EFFECTS["winch_gain"]}  # which is unlike the numbers in any recording
 OFF = 0.08
+MOST = Limits().most
 Scored = tuple[Search, ScoredModel]
 
 
@@ -146,7 +147,7 @@ def test_a_number_that_would_have_to_be_far_off_is_not_suspected(stiffer: Scored
 def test_a_stiffness_that_is_several_times_the_told_one_is_fitted_and_named(seed, times):
     search, model = scored(load_robot("platform4"), seed, cable_stiffness=1.0 / times)
     (found,) = (
-        each for each in far_off_parameters(search, [model]) if each.name == "cable_stiffness"
+        each for each in far_off_parameters(search, [model], MOST) if each.name == "cable_stiffness"
     )
     assert 1.0 + found.off == pytest.approx(times, rel=0.1), seed
     assert found.explained == pytest.approx(1.0, abs=0.1), seed
@@ -156,10 +157,10 @@ def test_a_stiffness_that_is_several_times_the_told_one_is_fitted_and_named(seed
     # Asked for as an effect, whose bounds are narrower, it is not left to another number.
     numbers = candidates(search.fitter.windows.robot, {found.name: CALIBRATIONS[found.name]})
     asking = replace(search, library=(*search.library, *numbers))
-    assert far_off_parameters(asking, [model])[0] == found
+    assert far_off_parameters(asking, [model], MOST)[0] == found
     # An answer that explains all is no worse than the number.
     answer = replace(model, fit=replace(model.fit, cost=search.fitter.freedom))
-    assert not far_off_parameters(search, [model, answer])
+    assert not far_off_parameters(search, [model, answer], MOST)
 
 
 def test_a_number_at_its_bound_comes_after_one_that_explains_within_its_bounds(
@@ -175,7 +176,7 @@ def test_a_number_at_its_bound_comes_after_one_that_explains_within_its_bounds(
         return replace(fit, terms=terms, cost=fit.cost - (2000.0 if mass else 1000.0))
 
     monkeypatch.setattr("flywheel.diagnosis.selection.suspect_parameters._fitted_alone", alone)
-    first, last = far_off_parameters(search, [model])
+    first, last = far_off_parameters(search, [model], MOST)
     assert (first.name, last.name) == ("cable_stiffness", "body_mass") and last.at_bound
     words = suspects(SimpleNamespace(suspects=(first, last)))
     assert words.index("cable_stiffness of 4 times") < words.index(

@@ -151,7 +151,7 @@ TOLERANT = Limits(tolerance=2.0)
         (FOUND, {"after": replace(QUIET, inconstancy=2.0)}, "OUTSIDE_LIBRARY"),
         (FOUND, {"after": LESS}, "PARTIAL"),  # .6 of what was beyond noise is explained
         (FOUND, {"after": LESS, "ambiguous": True}, "PARTIAL"),
-        (FOUND, {"after": LESS, "limits": Limits(partial=0.7)}, "OUTSIDE_LIBRARY"),
+        (FOUND, {"after": LESS, "limits": Limits(most=0.7)}, "OUTSIDE_LIBRARY"),
         (FOUND, {"law": OTHER_LAW}, "PARTIAL"),
         (FOUND, {"law": IMITATED}, "OUTSIDE_LIBRARY"),
         (FOUND, {"law": IMITATED, "gain": CLEAR}, "PARTIAL"),

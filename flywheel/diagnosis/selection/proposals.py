@@ -1,0 +1,99 @@
+"""The terms that a search fits next: those that promise the most on top of its model.
+
+Two candidates are scored together, too: one that explains nothing alone may do so in addition to another.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from itertools import combinations
+
+import numpy as np
+
+from flywheel.diagnosis.selection.candidates import at_parts
+from flywheel.diagnosis.selection.score_test import Score, ScoredModel, ScoreTest, further_scores
+from flywheel.diagnosis.selection.screening import screened
+from flywheel.diagnosis.selection.search import Search
+from flywheel.effects import Terms
+from flywheel.records import Floats
+
+SINGULAR = 1e6  # condition number of two effects that cannot be distinguished
+
+
+def proposals(search: Search, model: ScoredModel, room: int) -> list[Terms]:
+    """Terms to be fitted on top of a model, those of the best candidate first; none if none is visible.
+
+    They are those of the short list, and beside it whatever promises clearly more than the best of it:
+    another law, an effect at one part alone, and two candidates together if there is `room`. If that is
+    little of what is left, it may be an effect that explains most of the error at the first estimates.
+    """
+    if model.scores[0].score < search.threshold:
+        return []
+    spared, settings = search.heartbeat.spared, search.settings
+    one = search.shortlist(model)
+    further = partial(screened, search.fitter, model, search.library, tuple(one), settings)
+    one += spared(partial(promising_forms, search, model), list[Score](), "effects at one part")
+    found: list[Terms] = [(each.candidate.term(each.sizes, each.shape),) for each in one]
+    found += spared(further, list[Terms](), "effects at the first estimates")
+    if room > 1:
+        among = model.scores[: settings.pairs]
+        two = partial(promising_pairs, model.test, among, settings.more)
+        found += spared(two, list[Terms](), "pairs of effects")
+    return found
+
+
+def promising_forms(search: Search, model: ScoredModel) -> list[Score]:
+    """Other laws, and effects at one cable or winch alone, that promise clearly more than any candidate.
+
+    Effects at one part alone, which need simulations, are only tested if so much is left.
+    """
+    settings, asked = search.settings, {each.effect.family for each in search.library}
+    least = settings.more_by_form * model.scores[0].statistic
+    forms = [each for each in model.probes if each.candidate.effect.form]
+    found = [each for each in forms if each.candidate.effect.family in asked]
+    if least < model.beyond_noise:
+        alone = at_parts(search.fitter.windows.robot, search.library)
+        found += further_scores(search.fitter, model.fit, model.test, alone, settings.score)
+    promising = [each for each in found if each.statistic > least]
+    return sorted(promising, key=lambda each: -each.statistic)[: settings.per_family]
+
+
+def promising_pairs(test: ScoreTest, scores: Sequence[Score], more: float) -> list[Terms]:
+    """The pair that promises to explain the most; none if that is not clearly more than the best
+    candidate alone.
+
+    The second one must add a visible amount.
+
+    Args:
+      scores: of some of the test's candidates, best first.
+      more: ratio to the explanation by the best one.
+    """
+    gram, right = test.columns.T @ test.columns, test.columns.T @ test.residual
+    index = {score.candidate: i for i, score in enumerate(test.scores())}
+    found: list[tuple[float, Terms]] = []
+    for pair in combinations(scores, 2):
+        columns = [
+            np.arange(test.columns.shape[1])[test.slices[index[s.candidate]][s.shape]] for s in pair
+        ]
+        both = np.concatenate(columns)
+        a, b = gram[np.ix_(both, both)], right[both]
+        if np.linalg.cond(a) > SINGULAR:
+            continue
+        sizes = np.linalg.solve(a, b)
+        parts = np.split(sizes, [len(columns[0])])
+        if not all(_allowed(s, part) for s, part in zip(pair, parts, strict=True)):
+            continue
+        terms = tuple(
+            s.candidate.term(tuple(part), s.shape) for s, part in zip(pair, parts, strict=True)
+        )
+        found.append((float(b @ sizes), terms))
+    least = more * scores[0].statistic + test.threshold
+    found.sort(key=lambda each: -each[0])
+    return [terms for explained, terms in found[:1] if explained > least]
+
+
+def _allowed(score: Score, sizes: Floats) -> bool:
+    """Sizes that cannot be negative are not."""
+    parameters = score.candidate.effect.sizes
+    return all(s >= 0 or not p.one_sided for s, p in zip(sizes, parameters, strict=True))
