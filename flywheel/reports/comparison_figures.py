@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from flywheel.diagnosis.comparison import Bins, Comparison, Judgement
+from flywheel.records import Floats
 from flywheel.reports import style
 from flywheel.reports.pictures import Picture
 
@@ -80,6 +81,21 @@ def cables(found: Comparison) -> Figure:
     return _bars(found, "cables", ("cable", "tension", "command"))
 
 
+def channels(found: Comparison) -> Figure | None:
+    """Bars by channel: the errors of models, over those by noise alone."""
+    if not found.channels:
+        return None
+    labels, errors = zip(*((channel.label, each) for channel, each in found.channels), strict=True)
+    over = np.array([[np.nan if e is None else e.rms / e.by_noise for e in row] for row in errors])
+    figure = Figure(figsize=(9.5, 1.3 + 0.24 * len(labels) * max(1.0, 0.6 * len(found.models))))
+    axes = figure.add_subplot()
+    _beside_each_other(axes, found.models, list(over.T), labels)
+    axes.set_xlabel("error, over that by noise alone")
+    if len(found.models) > 1:
+        figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=4)
+    return figure
+
+
 def _bars(found: Comparison, of: str, wanted: Sequence[str]) -> Figure:
     here = [[b for b in m.bins if b.of == of and b.by in wanted] for m in found.models]
     rows = [sum(bool(n) for n in b.sums.count) for b in here[0]]
@@ -96,24 +112,28 @@ def _bars(found: Comparison, of: str, wanted: Sequence[str]) -> Figure:
 
 def _criterion(axes: Axes, models: Sequence[Judgement], bins: Sequence[Bins]) -> None:
     there = np.flatnonzero(bins[0].sums.count)
-    place, thick = np.arange(len(there)), 0.8 / len(models)
-    for number, (model, each) in enumerate(zip(models, bins, strict=True)):
-        shift = thick * (number - (len(models) - 1) / 2)
-        axes.barh(
-            place + shift,
-            each.sums.mean[there],
-            0.9 * thick,
-            color=colour_of(number),
-            label=model.name,
-        )
     counts = bins[0].sums.count[there]
     shares = 100 * counts / counts.sum()
     labels = [f"{bins[0].labels[i]} ({share:.0f}%)" for i, share in zip(there, shares, strict=True)]
+    _beside_each_other(axes, models, [each.sums.mean[there] for each in bins], labels)
+    axes.set_title(f"by {bins[0].by}")
+
+
+def _beside_each_other(
+    axes: Axes,
+    models: Sequence[Judgement],
+    lengths: Sequence[Floats],
+    labels: Sequence[str],
+) -> None:
+    """Bars from (models, rows) lengths, of which noise alone gives 1."""
+    place, thick = np.arange(len(labels)), 0.8 / len(models)
+    for number, (model, each) in enumerate(zip(models, lengths, strict=True)):
+        shift = thick * (number - (len(models) - 1) / 2)
+        axes.barh(place + shift, each, 0.9 * thick, color=colour_of(number), label=model.name)
     axes.axvline(1.0, color=NOISE, linestyle=(0, (5, 2)), linewidth=1.4)
     style.logarithmic(axes.xaxis)
     axes.set_yticks(place, labels)
     axes.invert_yaxis()
-    axes.set_title(f"by {bins[0].by}")
     axes.grid(axis="y", visible=False)
 
 
@@ -154,5 +174,11 @@ PICTURES: dict[str, Picture[Comparison]] = {
         "Error of the distance between the tracked points at a cable's ends. Tensions are those of "
         "nominal cables in the measured poses, in thirds of the taut samples; a winch moves above "
         "2 % of its range of commands.",
+    ),
+    "channels": Picture(
+        channels,
+        "Beside the points",
+        "Error of the predictions of each channel; other models than plants predict winches only. Dashed "
+        "green: one is what noise alone gives, that of the channel and that in the starts.",
     ),
 }

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import chain
+from math import isnan, nan
 from pathlib import Path
 
 from flywheel.diagnosis.comparison import Comparison, Judgement, Outcome
@@ -41,6 +43,7 @@ def write_comparison(
         sentences=[(model, sentence(found, model)) for model in found.models],
         fitted=any(model.fitted is not None for model in found.models),
         millimetres=1000.0 * found.windows.sigma,
+        channels=channel_rows(found),
         figures=shown(PICTURES, found),
         worst=found.windows.labels[found.models[-1].worst],
         videos=_videos(videos),
@@ -82,6 +85,19 @@ def sentence(found: Comparison, model: Judgement) -> str:
         f"{words} Where each window begins where it fits best, {only} is left: {fitted.noise:.3g} "
         f"times its variance, with a correlation of {fitted.correlation:.2g}.{out}"
     )
+
+
+def channel_rows(found: Comparison) -> list[list[str]]:
+    """Each channel's name, unit and noise, and every model's error and that by noise alone, or dashes."""
+    newtons = {"tension", "winch"} if found.windows.robot.tension_driven else {"tension"}
+    rows = []
+    for channel, errors in found.channels:
+        scale, unit = (1.0, "N") if channel.key[0] in newtons else (1000.0, "mm")
+        pairs = [(nan, nan) if e is None else (e.rms, e.by_noise) for e in errors]
+        numbers = [scale * value for value in (channel.sigma, *chain.from_iterable(pairs))]
+        cells = ["–" if isnan(value) else f"{value:.3g}" for value in numbers]
+        rows.append([channel.label, unit, *cells])
+    return rows
 
 
 def about_lengths(found: Comparison) -> tuple[str, ...]:

@@ -99,7 +99,7 @@ def _page(
 
 
 def _show(out: Out, found: Comparison) -> None:
-    from flywheel.reports.comparison_page import about_lengths, sentence
+    from flywheel.reports.comparison_page import about_lengths, channel_rows, sentence
 
     for model in found.models:
         out.say(f"{model.name}: {model.outcome}. {sentence(found, model)}", style="bold")
@@ -135,11 +135,9 @@ def _show(out: Out, found: Comparison) -> None:
     )
     seconds = windows.steps * windows.dt
     out.print(table(f"{len(windows)} predictions of {seconds:g} s", heads, rows))
-    for model in found.models:
-        if model.channels:
-            rows = [(e.channel.label, e.rms, e.by_noise, e.channel.sigma) for e in model.channels]
-            title = f"beside the points, {model.name} [N, m]"
-            out.print(table(title, ("channel", "error", "by noise alone", "noise"), rows))
+    if beside := channel_rows(found):
+        each = [h for m in found.models for h in (f"#{m.name}, error", "#by noise alone")]
+        out.print(table("beside the points", ("channel", "unit", "#noise", *each), beside))
     out.print(table(f"largest errors of {found.models[-1].name}", *_worst(found)))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,20 +13,25 @@ from flywheel.diagnosis.comparison.forecast_windows import ForecastWindows
 from flywheel.diagnosis.fitting.subject import Subject
 from flywheel.diagnosis.fitting.windows import ChannelNoise, channel_table, channels_of
 from flywheel.dynamics import RestartedPlant
-from flywheel.dynamics.plant import AugmentedPlant, Motion, Plant
-from flywheel.records import Floats, Observation, State
+from flywheel.dynamics.plant import AugmentedPlant, Plant
+from flywheel.dynamics.protocol import Dynamics
+from flywheel.records import Floats, Observation, Past
 
-DRAWS = 10  # of the noise, for each window
+DRAWS = 10  # of the noise, for each window,
+DRAWN = 200  # and in all: one of a winch in the start is one number
+
+# Points (n, T + 1, P, 3) [m], winch positions (n, T + 1, W) and channels (n, T + 1, C) [m or N], from pasts.
+Predict = Callable[[Past, Floats], tuple[Floats, Floats, Floats]]
 
 
 @dataclass(frozen=True)
 class ChannelError:
-    """Error of a plant's predictions of one channel, in its unit.
+    """Error of a model's predictions of one channel, in its unit.
 
     Attributes:
       channel: the channel.
       rms: root mean square of measured minus predicted [m or N].
-      by_noise: the same by noise alone, that of the channel and of the points in the starts [m or N].
+      by_noise: the same by noise alone, that of the channel, and that in the starts [m or N].
     """
 
     channel: ChannelNoise
@@ -34,52 +40,72 @@ class ChannelError:
 
     def summary(self) -> dict[str, Any]:
         """In JSON form."""
-        kind, name = self.channel.key
-        numbers = {"rms": self.rms, "by_noise_alone": self.by_noise, "noise": self.channel.sigma}
-        return {"kind": kind, "name": name, **numbers}
+        return self.channel.summary() | {"rms": self.rms, "by_noise_alone": self.by_noise}
 
 
 def channel_errors(
     subject: Subject, windows: ForecastWindows, rng: np.random.Generator
 ) -> tuple[ChannelError, ...]:
-    """The errors of a plant, where anything was measured beside points; none of other models.
+    """The errors of a plant, where anything was measured beside points; of other models, of winches only.
 
     Args:
       subject: the model.
       windows: to be predicted.
       rng: of the noise.
     """
-    tracks, dynamics = windows.tracks, subject.dynamics
-    channels = channels_of(tracks)
-    if not channels or not isinstance(dynamics, RestartedPlant):
+    tracks, model = windows.tracks, subject.dynamics
+    plant = model if isinstance(model, RestartedPlant) else None
+    channels = [each for each in channels_of(tracks) if plant or each.key[0] == "winch"]
+    if not channels:
         return ()
-    plant = dynamics.plant
-    bare = Plant(plant.robot, *plant.arguments())
-    augmented = AugmentedPlant(bare, [channel.key for channel in channels])
-
-    def moved(start: State, controls: Floats) -> Motion:
-        terms = [plant.terms] * len(controls)
-        return augmented.simulate(start, augmented.commands(controls, terms), terms)
-
+    predict = _of_plant(plant, channels) if plant else _of_winches(model, channels)
     past, controls = windows.past(subject), windows.controls()
     measured = windows.ahead([channel_table(track, channels) for track in tracks])
-    off = measured - moved(dynamics.estimate(past), controls).channels[:, 1:]
-    # In its own world, whose points are seen through noise.
+    off = measured - predict(past, controls)[2][:, 1:]
+    # In its own world, whose points and winches are seen through noise.
     warmup = windows.warmup
-    origin = dynamics.estimate(repeated(windows.origin(subject), DRAWS))
-    world = moved(origin, np.tile(windows.controls(warmup), (DRAWS, 1, 1)))
-    now = slice(warmup - dynamics.history, warmup + 1)
-    points = world.points[:, now] + rng.normal(0.0, windows.sigma, world.points[:, now].shape)
-    winch = plant.winch(world.states)[:, now]
-    seen = replace(repeated(past, DRAWS), observations=Observation(points, winch), winch=winch)
-    predicted = moved(dynamics.estimate(seen), np.tile(controls, (DRAWS, 1, 1))).channels[:, 1:]
-    wrong = world.channels[:, warmup + 1 :] - predicted
+    draws = max(DRAWS, DRAWN // len(windows))
+    origin = repeated(windows.origin(subject), draws)
+    points, winch, world = predict(origin, np.tile(windows.controls(warmup), (draws, 1, 1)))
+    now = slice(warmup - model.history, warmup + 1)
+    points, winch = points[:, now], winch[:, now]
+    sigmas = {channel.key: channel.sigma for channel in channels}
+    of_winches = [sigmas.get(("winch", each.name), 0.0) for each in model.robot.winches]
+    points = points + rng.normal(0.0, windows.sigma, points.shape)
+    winch = winch + of_winches * rng.normal(size=winch.shape)
+    seen = replace(repeated(past, draws), observations=Observation(points, winch), winch=winch)
+    wrong = world[:, warmup + 1 :] - predict(seen, np.tile(controls, (draws, 1, 1)))[2][:, 1:]
     return tuple(
         ChannelError(
             channel, _rms(off[..., i]), float(np.hypot(_rms(wrong[..., i]), channel.sigma))
         )
         for i, channel in enumerate(channels)
     )
+
+
+def _of_plant(model: RestartedPlant, channels: Sequence[ChannelNoise]) -> Predict:
+    plant = model.plant
+    bare = Plant(plant.robot, *plant.arguments())
+    augmented = AugmentedPlant(bare, [channel.key for channel in channels])
+
+    def predict(past: Past, controls: Floats) -> tuple[Floats, Floats, Floats]:
+        terms = [plant.terms] * len(controls)
+        told = augmented.commands(controls, terms)
+        motion = augmented.simulate(model.estimate(past), told, terms)
+        return motion.points, plant.winch(motion.states), motion.channels
+
+    return predict
+
+
+def _of_winches(model: Dynamics, channels: Sequence[ChannelNoise]) -> Predict:
+    names = [winch.name for winch in model.robot.winches]
+    which = [names.index(channel.key[1]) for channel in channels]
+
+    def predict(past: Past, controls: Floats) -> tuple[Floats, Floats, Floats]:
+        found = model.rollout(past, controls)
+        return found.points, found.winch, found.winch[..., which]
+
+    return predict
 
 
 def _rms(off: Floats) -> float:

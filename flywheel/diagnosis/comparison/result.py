@@ -12,6 +12,7 @@ from flywheel.diagnosis.comparison.bins import Bins
 from flywheel.diagnosis.comparison.channel_errors import ChannelError
 from flywheel.diagnosis.comparison.fitted_starts import LOUD, FittedStarts
 from flywheel.diagnosis.comparison.forecast_windows import ForecastWindows
+from flywheel.diagnosis.fitting.windows import ChannelNoise
 from flywheel.evaluation import ExactSum
 from flywheel.records import Floats
 
@@ -48,7 +49,7 @@ class Judgement:
         noise alone.
       probability: of as much excess by noise alone.
       fitted: error with fitted starts; None if not requested, or not possible.
-      channels: errors of what was measured beside the points; none of other models than plants.
+      channels: errors of what was measured beside the points; of other models than plants, of winches only.
     """
 
     name: str
@@ -146,6 +147,13 @@ class Comparison:
     def exit_code(self) -> int:
         """0 if the error of the last model is noise only; see `EXIT_CODES`."""
         return EXIT_CODES[self.models[-1].outcome]
+
+    @property
+    def channels(self) -> list[tuple[ChannelNoise, list[ChannelError | None]]]:
+        """Each channel with the error of every model, None for one that does not predict it."""
+        told = [{error.channel.key: error for error in model.channels} for model in self.models]
+        every = {key: error.channel for errors in told for key, error in errors.items()}
+        return [(channel, [errors.get(key) for errors in told]) for key, channel in every.items()]
 
     @property
     def persistence_rms(self) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -65,6 +66,10 @@ class ChannelNoise:
     def label(self) -> str:
         """For people."""
         return " ".join(self.key)
+
+    def summary(self) -> dict[str, Any]:
+        """In JSON form."""
+        return {"kind": self.key[0], "name": self.key[1], "noise": self.sigma}
 
 
 @dataclass(frozen=True)

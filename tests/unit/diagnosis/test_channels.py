@@ -1,19 +1,22 @@
 """Tensions, lengths and winch positions beside the points: predicted, and weighted by their own noise."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from flywheel.control import RandomControls
-from flywheel.diagnosis.comparison import compare
+from flywheel.diagnosis.comparison import Subject, compare
 from flywheel.diagnosis.fitting.model import ModelUnderTest, fitter_of
 from flywheel.diagnosis.fitting.windows import Windows
+from flywheel.dynamics import Persistence
 from flywheel.dynamics.plant import AugmentedPlant, Motion, Plant
 from flywheel.effects import EFFECTS, NAMED, Term, Terms
 from flywheel.errors import DataError
 from flywheel.options import ComparisonOptions
 from flywheel.records import Floats, MeasuredChannel, Observation, Trajectory
+from flywheel.reports.comparison_page import channel_rows, write_comparison
 from flywheel.robots import Robot
 from flywheel.rotations import rotate
 from tests import draws
@@ -163,16 +166,49 @@ def test_models_that_predict_only_points_are_tested_without_channels(robot: Robo
     assert replace(under, model=None).windows([measured(robot, ())], 0.4).channels
 
 
-def test_compare_tells_the_error_of_each_channel_beside_that_of_noise(robot: Robot) -> None:
+def seen_by_encoders(track: Trajectory, robot: Robot) -> Trajectory:
+    """The same with the winch of its channel as its encoder measured it."""
+    winch = track.observations.winch.copy()
+    winch[:, 1] = track.channels[-1].values
+    return replace(track, observations=Observation(track.observations.points, winch))
+
+
+def test_compare_tells_how_other_models_than_plants_predict_winches(robot: Robot) -> None:
+    track = seen_by_encoders(measured(robot, ()), robot)
+    still = Subject("still", Persistence(robot, DT))
+    told = ComparisonOptions(horizon=0.2, draws=40)
+    (error,) = compare([still], [track], told).models[0].channels
+    assert error.channel.key == ("winch", robot.winches[1].name)
+    # Noise of its own, and of the start.
+    assert error.by_noise == pytest.approx(2**0.5 * NOISE["winch"], rel=0.15)
+    assert error.rms < 3 * error.by_noise
+    lagging = replace(track, controls=0.9 * track.controls)
+    (error,) = compare([still], [lagging], told).models[0].channels
+    assert error.rms > 5 * error.by_noise
+
+
+def test_compare_tells_the_error_of_each_channel_beside_that_of_noise(
+    robot: Robot, tmp_path: Path
+) -> None:
     heavier = (Term(NAMED["body_mass"], None, (5.0,)),)
     for terms, low, high in (((), 0.5, 1.5), (heavier, 2.0, 50.0)):
-        track = measured(robot, terms, reach=0.02, noise=5e-5)
-        found = compare(
-            [plant_of(robot)], [track], ComparisonOptions(horizon=0.2, draws=40)
-        ).models[0]
-        errors = found.channels
+        track = seen_by_encoders(measured(robot, terms, reach=0.02, noise=5e-5), robot)
+        found = compare([plant_of(robot)], [track], ComparisonOptions(horizon=0.2, draws=40))
+        model = found.models[0]
+        errors = model.channels
         assert [error.channel.key for error in errors] == channels_of(robot)
         times = np.array([error.rms / error.by_noise for error in errors])
         assert (low < times[:4]).all() and (times[:4] < high).all()
-        assert found.summary(0.001)["channels"][0] == errors[0].summary()
-        assert errors[-1].by_noise == pytest.approx(NOISE["winch"], rel=0.1)
+        assert model.summary(0.001)["channels"][0] == errors[0].summary()
+        assert errors[-1].by_noise == pytest.approx(2**0.5 * NOISE["winch"], rel=0.15)
+    both = replace(found, models=(replace(model, name="network", channels=errors[-1:]), model))
+    first, last = (
+        [f"{k * n:.3g}" for n in (e.rms, e.by_noise)]
+        for e, k in ((errors[0], 1), (errors[-1], 1e3))
+    )
+    rows = {row[0]: row[1:] for row in channel_rows(both)}
+    assert rows[errors[0].channel.label] == ["N", "0.2", "–", "–", *first]
+    assert rows[errors[-1].channel.label] == ["mm", "0.1", *last, *last]
+    page = write_comparison(both, tmp_path / "p.html", {}, {}).read_text()
+    assert all(f"<td>{'</td><td>'.join((name, *row))}</td>" in page for name, row in rows.items())
+    assert page.count('src="data:image/svg+xml') == 5
