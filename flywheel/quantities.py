@@ -128,6 +128,7 @@ RobotLengths = Annotated[float, Bounds(0, 1000, "L")]
 PositiveRobotLengths = Annotated[float, Bounds(0, 1000, "L", above=True)]
 Metres = Annotated[float, Bounds(-1e5, 1e5, "m")]  # single precision still tells centimetres there
 PositiveMetres = Annotated[float, Bounds(0, 1e5, "m", above=True)]
+NOISE = Bounds(1e-9, 1e6)  # of a channel [m or N]
 
 # Texts.
 Name = Annotated[

@@ -24,10 +24,12 @@ from flywheel.data.recordings.sources import (
     Channel,
     Coordinate,
     FileEntry,
+    LengthChannel,
     MarkerSource,
     Name,
     PoseSource,
     Radius,
+    TensionChannel,
     TimeUnit,
     factor_of,
     newtons_of,
@@ -170,8 +172,8 @@ class RecordingMap(Frozen):
     poses: dict[Name, PoseSource] = Field(default={})
     commands: dict[Name, Channel] = Field(default={})
     winches: dict[Name, Channel] = Field(default={})
-    tensions: dict[Name, Channel] = Field(default={})
-    lengths: dict[Name, Channel] = Field(default={})
+    tensions: dict[Name, TensionChannel] = Field(default={})
+    lengths: dict[Name, LengthChannel] = Field(default={})
 
     @property
     def assembles(self) -> bool:

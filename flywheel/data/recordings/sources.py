@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
+from functools import partial
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_validator
@@ -11,7 +13,7 @@ from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_v
 from flywheel.data.recordings.formats import FORMATS
 from flywheel.data.recordings.tables.table import LONGEST_NAME, is_plain
 from flywheel.files import shown
-from flywheel.quantities import Bounds
+from flywheel.quantities import NOISE, Bounds
 from flywheel.validation import Frozen
 
 TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
@@ -41,12 +43,11 @@ def _metres(value: Any) -> Any:
     return float(found[1]) * LENGTHS[found[2] or "m"]
 
 
-def _noise(value: Any) -> Any:
-    """Metres or newtons, of a number or a text such as `0.2 mm` or `0.5 N`."""
+def _noise(units: Mapping[str, float], value: Any) -> Any:
+    """Metres or newtons, of a number or a text such as `0.2 mm` or `0.5 N`, in one of the units."""
     found = re.fullmatch(r"\s*(\S+)\s+(\w+)\s*", value) if isinstance(value, str) else None
     if found is None:
         return value
-    units = LENGTHS | FORCES
     if found[2] not in units:
         raise ValueError(f"noise is in {', '.join(units)}; got {shown(value)}")
     return float(found[1]) * units[found[2]]
@@ -62,7 +63,7 @@ Name = Annotated[str, Field(max_length=LONGEST_NAME), AfterValidator(plain)]
 Coordinate = Annotated[float, Bounds(-1e8, 1e8, "m")]  # positions anywhere on Earth are smaller
 Radius = Annotated[float, Bounds(1e-4, 100, "m"), BeforeValidator(_metres)]  # of a drum
 Length = Annotated[Coordinate, BeforeValidator(_metres)]
-Noise = Annotated[float, Bounds(1e-9, 1e6), BeforeValidator(_noise)]
+Noise = Annotated[float, NOISE, BeforeValidator(partial(_noise, LENGTHS | FORCES))]
 PerTurn = Annotated[float, Bounds(1e-3, 1e9), BeforeValidator(_per_turn)]
 Triple = tuple[Length, Length, Length]
 Chosen = Annotated[float, Bounds(-1e15, 1e15)]  # by which rows are chosen; counters stay whole
@@ -195,6 +196,18 @@ class Channel(_Sourced):
         if self.hold == (self.source is not None):
             raise ValueError("give from, a column, or hold")
         return self
+
+
+class TensionChannel(Channel):
+    """A cable's tension, whose noise [N] is no length."""
+
+    noise: Annotated[float, NOISE, BeforeValidator(partial(_noise, FORCES))] | None = None
+
+
+class LengthChannel(Channel):
+    """A cable's length, whose noise [m] is no force."""
+
+    noise: Annotated[float, NOISE, BeforeValidator(partial(_noise, LENGTHS))] | None = None
 
 
 class PoseSource(_Sourced):

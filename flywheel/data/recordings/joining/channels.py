@@ -92,7 +92,9 @@ def cables_of(
     found: dict[tuple[ChannelKind, str], tuple[Series, float | None]] = {}
     cables = {cable.name: cable for cable in robot.cables}
     for name, (kind, cable) in channel_names(robot).items():
-        channel = (how.tensions if kind == "tension" else how.lengths).get(cable)
+        channel: Channel | None = how.lengths.get(cable)
+        if kind == "tension":
+            channel = how.tensions.get(cable)
         if channel is None:
             name = how.columns.get(name, name)
             if sheets.columns([name]) is None:

@@ -105,11 +105,18 @@ def test_a_map_tells_columns_units_and_noise(
         read_recording(tmp_path / "log.csv", robot, how=wrong)
 
 
-def test_a_noise_has_a_unit_that_is_known() -> None:
-    with pytest.raises(
-        ValueError, match="noise is in m, cm, mm, in, ft, N, kN, kgf, lbf; got '1 Pa'"
-    ):
-        RecordingMap.model_validate({"tensions": {"c": {"from": "x", "noise": "1 Pa"}}})
+@pytest.mark.parametrize(
+    ("where", "noise", "known"),
+    [
+        ("tensions", "1 Pa", "N, kN, kgf, lbf"),
+        ("tensions", "0.5 mm", "N, kN, kgf, lbf"),
+        ("lengths", "0.5 N", "m, cm, mm, in, ft"),
+        ("winches", "1 Pa", "m, cm, mm, in, ft, N, kN, kgf, lbf"),
+    ],
+)
+def test_a_noise_has_a_unit_of_what_is_measured(where: str, noise: str, known: str) -> None:
+    with pytest.raises(ValueError, match=f"noise is in {known}; got '{noise}'"):
+        RecordingMap.model_validate({where: {"c": {"from": "x", "noise": noise}}})
 
 
 def test_a_lerobot_data_set_has_channels(robot: Robot, episode: Episode, tmp_path: Path) -> None:
