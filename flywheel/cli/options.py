@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
-from flywheel.quantities import FACTOR, Bounds, ControlStep, Threads
+from flywheel.quantities import FACTOR, NOISE, Bounds, ControlStep, Threads
 
 if TYPE_CHECKING:
+    from flywheel.diagnosis.fitting.windows import ChannelNoise
+    from flywheel.records import ChannelKind
     from flywheel.robots import Robot
 
 N = TypeVar("N", int, float, None)
@@ -42,6 +44,15 @@ Overrides = Annotated[
     ),
 ]
 LawFiles = Annotated[tuple[Path, ...], "PY"]
+ChannelStatements = Annotated[
+    tuple[str, ...],
+    typer.Option(
+        "--channel",
+        metavar="KIND[@NAME]=NOISE",
+        help="Measured beside the points, of every cable or winch or of one, with its noise: tension=0.5N, "
+        "length@long_01=0.3mm, winch=0.1mm. Repeatable.",
+    ),
+]
 SettingStatements = Annotated[
     tuple[str, ...],
     typer.Option(
@@ -111,3 +122,42 @@ def length_of(text: str, robot: Robot) -> float:
     )
     value = number(text.removesuffix(unit), what, FACTOR)
     return value * (UNITS[unit] if unit else robot.length)
+
+
+def channels_of(statements: Sequence[str], robot: Robot) -> tuple[ChannelNoise, ...]:
+    """Channels beside the points: "tension=0.5N" of every cable, "tension@long_01=0.5N" of one.
+
+    Of two noises of one channel the last counts.
+
+    Raises:
+      ConfigError: not of that form, a noise that is no positive number, or another unit.
+      UnknownNameError: no such kind, cable or winch.
+    """
+    from flywheel.data.recordings.sources import FORCES, LENGTHS
+    from flywheel.diagnosis.fitting.windows import ChannelNoise
+    from flywheel.errors import ConfigError
+    from flywheel.files import shown
+    from flywheel.records import ChannelKind
+    from flywheel.registry import lookup
+
+    cables, winches = ([each.name for each in parts] for parts in (robot.cables, robot.winches))
+    kinds: dict[str, tuple[ChannelKind, list[str], dict[str, float]]] = {
+        "tension": ("tension", cables, FORCES),
+        "length": ("length", cables, LENGTHS),
+        "winch": ("winch", winches, FORCES if robot.tension_driven else LENGTHS),
+    }
+    found = dict[tuple[ChannelKind, str], ChannelNoise]()
+    for statement in statements:
+        wanted, _, text = statement.partition("=")
+        name, _, place = wanted.partition("@")
+        kind, names, units = lookup(kinds, name, "channel")
+        unit = next((u for u in sorted(units, key=len, reverse=True) if text.endswith(u)), "")
+        what = f"The noise of a {kind}, in {', '.join(units)}, such as 0.5{next(iter(units))},"
+        if not unit:
+            raise ConfigError(f"{what} needs one of these units; got {shown(text)}.")
+        sigma = number(text.removesuffix(unit), what, FACTOR) * units[unit]
+        NOISE.check(sigma, what, ConfigError)
+        part = "winch" if kind == "winch" else "cable"
+        some = [lookup(dict.fromkeys(names, place), place, part)] if place else names
+        found |= {(kind, each): ChannelNoise((kind, each), sigma) for each in some}
+    return tuple(found.values())

@@ -23,13 +23,17 @@ def smallest_sizes(found: Power) -> Figure:
     axes = figure.add_subplot()
     colours = [style.MPPI if prospect.shown else style.FAINT for prospect in shown]
     axes.barh(range(len(shown)), [p.smallest for p in shown], color=colours, height=0.7)
+    if by_points := found.bare_sizes:
+        bare = [by_points[p.candidate.label] for p in shown]
+        (marks,) = axes.plot(bare, range(len(shown)), "o", color=style.INK, label="by points alone")
+        marks.set_markerfacecolor("none")
     axes.set_yticks(range(len(shown)), [p.candidate.label for p in shown])
     axes.axvline(found.size, color=style.INK, linestyle=(0, (1, 1.6)), label="requested size")
     style.logarithmic(axes.xaxis)
     axes.set_ylim(-0.7, len(shown) - 0.3)
     axes.set_xlabel("smallest visible size, in typical sizes")
     axes.grid(axis="y", visible=False)
-    axes.legend(loc="upper right")
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=2)
     return figure
 
 

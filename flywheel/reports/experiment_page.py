@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import isnan
 from pathlib import Path
 
 from flywheel.diagnosis.experiments.design import Design
@@ -37,13 +38,22 @@ class Listing:
 
 def power_sentence(found: Power) -> str:
     """Effects visible under given commands, in words."""
-    shown = [prospect for prospect in found.prospects if prospect.shown]
-    alone = [prospect for prospect in shown if not prospect.taken_for]
+    shown, alone = _counts(found)
     size = "their typical size" if found.size == 1 else f"{found.size:g} times their typical size"
-    return (
-        f"At {size} these commands would show {len(shown)} of {len(found.prospects)} candidates, "
-        f"and distinguish {len(alone)} of them from every other one."
+    words = (
+        f"At {size} these commands would show {shown} of {len(found.prospects)} candidates, "
+        f"and distinguish {alone} of them from every other one."
     )
+    if found.by_points is None:
+        return words
+    shown, alone = _counts(found.by_points)
+    return f"{words} By points alone, without the channels, it would be {shown} and {alone}."
+
+
+def _counts(found: Power) -> tuple[int, int]:
+    """Visible candidates, and those of them that are distinguished from every other one."""
+    shown = [prospect for prospect in found.prospects if prospect.shown]
+    return len(shown), sum(not prospect.taken_for for prospect in shown)
 
 
 def confusions(found: Power) -> list[str]:
@@ -57,15 +67,16 @@ def confusions(found: Power) -> list[str]:
 
 def design_sentence(found: Design) -> str:
     """Value of a script, in words."""
+    bare = "" if found.by_points is None else f" By points alone it is {found.by_points:.1f}."
     if not found.enough:
         return (
             f"No script was found that distinguishes the effects: {found.separation:.1f} sigmas, and "
-            f"{found.needed:g} are needed. A longer script, less noise or another sensor may help."
+            f"{found.needed:g} are needed. A longer script, less noise or another sensor may help.{bare}"
         )
     ratio = f"{found.separation / found.plain:.1f} times" if found.plain > 0 else "infinitely"
     return (
         f"These commands separate the effects by at least {found.separation:.1f} sigmas, {ratio} "
-        f"as much as random steps of the same length ({found.plain:.1f})."
+        f"as much as random steps of the same length ({found.plain:.1f}).{bare}"
     )
 
 
@@ -75,7 +86,12 @@ def write_power(found: Power, path: str | Path, about: Mapping[str, str]) -> Pat
         Picture(
             smallest_sizes,
             "Smallest visible effects",
-            "Blue: the requested size would be visible. Candidates without a bar are invisible.",
+            "Blue: the requested size would be visible. Candidates without a bar are invisible."
+            + (
+                ""
+                if found.by_points is None
+                else " Circles: by points alone, where that is visible."
+            ),
         ),
         Picture(
             likeness,
@@ -90,18 +106,21 @@ def write_power(found: Power, path: str | Path, about: Mapping[str, str]) -> Pat
         "effect",
         "smallest visible",
         "in typical sizes",
+        *(() if found.by_points is None else ("by points alone",)),
         "most like",
         "|cos|",
         "apart [sigma]",
     )
-    rows = []
+    rows, by_points = [], found.bare_sizes
     for p in found.prospects:
         unit, rival = p.candidate.effect.sizes[0].unit, p.rival
-        seen = (f"{p.smallest * p.candidate.typical[0]:.3g} {unit}", f"{p.smallest:.2f}")
+        seen = (f"{p.smallest * p.candidate.typical[0]:.3g} {unit}", f"{p.smallest:.3g}")
         pair = ("", "", "") if rival is None else (
             rival.label, f"{p.likeness:.3f}", f"{p.separation:.1f}"
         )  # fmt: skip
-        rows.append((p.candidate.label, *(seen if p.visible else ("invisible", "")), *pair))
+        alone = by_points.get(p.candidate.label)
+        bare = [] if alone is None else ["invisible" if isnan(alone) else f"{alone:.3g}"]
+        rows.append((p.candidate.label, *(seen if p.visible else ("invisible", "")), *bare, *pair))
     notes = confusions(found)
     return _write(
         "Power",

@@ -9,7 +9,13 @@ from typing import TYPE_CHECKING, Annotated
 from flywheel.cli.console import Out, console, table
 from flywheel.cli.exits import end_if_stopped
 from flywheel.cli.logs.diagnose import about_settings, changes_of
-from flywheel.cli.options import PlantOptions, SettingStatements, length_of
+from flywheel.cli.options import (
+    ChannelStatements,
+    PlantOptions,
+    SettingStatements,
+    channels_of,
+    length_of,
+)
 from flywheel.options import DesignOptions
 
 if TYPE_CHECKING:
@@ -22,6 +28,7 @@ def design(
     *,
     chosen: PlantOptions,
     noise: str = "0.003",
+    channel: ChannelStatements = (),
     options: DesignOptions = DesignOptions(),
     settings: SettingStatements = (),
     out: Path = Path("commands.csv"),
@@ -62,7 +69,8 @@ def design(
     (plant, library), shown = opened(chosen), console()
     named = [Rival.named(name, plant.robot, library.known) for name in rivals]
     tuned = changed(Settings(), changes_of(settings))
-    designer = Designer(plant, named, length_of(noise, plant.robot), options, tuned)
+    sigma, beside = length_of(noise, plant.robot), channels_of(channel, plant.robot)
+    designer = Designer(plant, named, sigma, options, tuned, beside)
     count = 2 * options.candidates
     with StopRequest() as stop, console_progress().stage("try scripts", count) as stage:
         found = designer.design(partial(_tell, stage), stop)

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from flywheel.cli.console import Out, console, table
 from flywheel.cli.logs.diagnose import about_settings, changes_of
-from flywheel.cli.options import PlantOptions, SettingStatements, length_of
+from flywheel.cli.options import (
+    ChannelStatements,
+    PlantOptions,
+    SettingStatements,
+    channels_of,
+    length_of,
+)
 from flywheel.options import PowerOptions
 
 if TYPE_CHECKING:
@@ -19,6 +26,7 @@ def power(
     *,
     chosen: PlantOptions,
     noise: str = "0.003",
+    channel: ChannelStatements = (),
     effects: str = "",
     options: PowerOptions = PowerOptions(),
     settings: SettingStatements = (),
@@ -51,7 +59,8 @@ def power(
     tuned = changed(Settings(), changes_of(settings))
     controls = read_commands(commands, plant.robot, plant.dt)
     sigma = length_of(noise, plant.robot)
-    found = foreseen(plant, controls, sigma, asked, options, tuned)
+    beside = channels_of(channel, plant.robot)
+    found = foreseen(plant, controls, sigma, asked, options, tuned, beside)
     _show(out, found)
     if page is not None:
         about = {
@@ -68,29 +77,32 @@ def _show(out: Out, found: Power) -> None:
     from flywheel.reports.experiment_page import confusions, power_sentence
 
     out.say(power_sentence(found), style="bold")
-    columns = ("effect", "at", "#smallest visible", "unit", "#/ typical", "most like", "#|cos|")
+    columns = ("effect", "at", "#smallest visible", "unit", "#/ typical")
+    alone = () if found.by_points is None else ("#by points alone, / typical",)
+    like = ("most like", "#|cos|", f"#apart at {found.size:g} typical, in sigma")
     title = (
         f"noise {1000 * found.sigma:.2f} mm; {found.enough:g} sigma count as visible, and as "
         "distinguished"
     )
-    rows = [_row(prospect) for prospect in found.prospects]
-    last = f"#apart at {found.size:g} typical, in sigma"
-    out.print(table(title, (*columns, last), rows))
+    rows = [_row(prospect, found.bare_sizes) for prospect in found.prospects]
+    out.print(table(title, (*columns, *alone, *like), rows))
     for words in confusions(found):
         out.say(words)
 
 
-def _row(prospect: Prospect) -> tuple[object, ...]:
+def _row(prospect: Prospect, by_points: Mapping[str, float]) -> tuple[object, ...]:
     candidate = prospect.candidate
     names = (candidate.effect.name, candidate.location)
+    alone = [by_points[candidate.label]] if by_points else []
     if not prospect.visible:
-        return (*names, "invisible", "", None, "", None, None)
+        return (*names, "invisible", "", None, *alone, "", None, None)
     parameter, rival = candidate.effect.sizes[0], prospect.rival
     return (
         *names,
         prospect.smallest * candidate.typical[0],
         parameter.unit,
         prospect.smallest,
+        *alone,
         "" if rival is None else rival.label,
         prospect.likeness,
         None if rival is None else prospect.separation,

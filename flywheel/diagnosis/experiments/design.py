@@ -20,9 +20,10 @@ from flywheel.diagnosis.experiments.information import (
     information_of,
     simulate_scripts,
 )
+from flywheel.diagnosis.fitting.windows import ChannelNoise
 from flywheel.diagnosis.selection.candidates import Candidate, Rival
 from flywheel.diagnosis.settings import Settings, unusual
-from flywheel.dynamics.plant import Plant
+from flywheel.dynamics.plant import Motion, Plant
 from flywheel.dynamics.plant.tautness import taut_share
 from flywheel.errors import DataError
 from flywheel.options import DesignOptions
@@ -73,6 +74,7 @@ class Design:
       sigma: noise [m].
       size: of the effects, in typical sizes.
       settings: of the following diagnosis.
+      by_points: separation by points alone; None without channels [sigma].
     """
 
     controls: Floats
@@ -88,6 +90,7 @@ class Design:
     sigma: float
     size: float
     settings: Settings
+    by_points: float | None = None
 
     @property
     def needed(self) -> float:
@@ -104,6 +107,7 @@ class Design:
         return {
             "separation": self.separation,
             "plain": self.plain,
+            "by_points_alone": self.by_points,
             "enough": self.needed,
             "family": self.family,
             "pairs": [
@@ -172,6 +176,7 @@ class Designer:
       sigma: noise of each coordinate [m].
       options: size of the rivals, length and number of scripts, and seed.
       settings: of the following diagnosis.
+      channels: measured beside the points.
 
     Raises:
       DataError: fewer than two rivals, or one of them twice.
@@ -184,12 +189,14 @@ class Designer:
         sigma: float,
         options: DesignOptions = DesignOptions(),
         settings: Settings = Settings(),
+        channels: Sequence[ChannelNoise] = (),
     ) -> None:
         labels = [c.label for rival in rivals for c in rival.candidates]
         if len(rivals) < 2 or len(set(labels)) < len(labels):
             names = ", ".join(rival.name for rival in rivals)
             raise DataError(f"A design needs two or more different rivals, got {names or 'none'}.")
         self.plant, self.sigma, self.options, self.settings = plant, sigma, options, settings
+        self.channels = channels
         self.start = plant.settle(SETTLING)
         self.reach = WinchRange.around(plant.robot, plant.winch(self.start)[0], plant.dt)
         self.library = tuple(c for rival in rivals for c in rival.candidates)
@@ -246,25 +253,42 @@ class Designer:
     def _tried(self, wishes: Sequence[Floats], families: Sequence[str]) -> Tried:
         path = self.reach.path(np.stack(wishes))
         scripts = self.reach.commands(path)
-        motion = simulate_scripts(self.plant, scripts, self.start)
+        motion = simulate_scripts(self.plant, scripts, self.start, self.channels)
         safe = motion.finite & (taut_share(self.plant, motion.states) >= self._least_taut)
         kept = np.flatnonzero(safe)
-        information = information_of(
-            self.plant,
-            scripts[kept],
-            motion[kept],
-            self.library,
-            self.sigma,
-            settings=self.settings,
-        )
-        everyone = [pair for pairs in self.pairs.values() for pair in pairs]
+        information = self._information(scripts[kept], motion[kept], self.channels)
         return Tried(
             path[kept],
             tuple(families[i] for i in kept.tolist()),
             information,
-            self.separation(information, everyone),
+            self.separation(information, self._everyone),
             len(path) - len(kept),
         )
+
+    def _information(
+        self, scripts: Floats, motion: Motion, channels: Sequence[ChannelNoise]
+    ) -> Information:
+        return information_of(
+            self.plant,
+            scripts,
+            motion,
+            self.library,
+            self.sigma,
+            settings=self.settings,
+            channels=channels,
+        )
+
+    @property
+    def _everyone(self) -> list[tuple[int, int]]:
+        return [pair for pairs in self.pairs.values() for pair in pairs]
+
+    def _by_points(self, script: Floats) -> float | None:
+        """Separation of the rivals under a script (T, W) by points alone; None without channels."""
+        if not self.channels:
+            return None
+        scripts = script[None]
+        bare = self._information(scripts, simulate_scripts(self.plant, scripts, self.start), ())
+        return float(self.separation(bare, self._everyone)[0])
 
     def _varied(self, tried: Tried, width: float, count: int, rng: np.random.Generator) -> Tried:
         elite = np.argsort(-tried.separation)[:ELITE]
@@ -275,8 +299,9 @@ class Designer:
     def _design(self, drawn: Tried, tried: Tried, history: tuple[float, ...]) -> Design:
         best = int(tried.separation.argmax())
         plain = np.flatnonzero(np.array(drawn.family) == PLAIN)
+        controls = self.reach.commands(tried.path[best])
         return Design(
-            controls=self.reach.commands(tried.path[best]),
+            controls=controls,
             path=tried.path[best],
             dt=self.plant.dt,
             family=tried.family[best],
@@ -292,6 +317,7 @@ class Designer:
             sigma=self.sigma,
             size=self.options.size,
             settings=self.settings,
+            by_points=self._by_points(controls),
         )
 
     def _pair(

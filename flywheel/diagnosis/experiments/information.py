@@ -16,7 +16,7 @@ import numpy as np
 
 from flywheel.diagnosis.fitting.plant_fit import PlantFitter
 from flywheel.diagnosis.fitting.simulation import WindowSimulator
-from flywheel.diagnosis.fitting.windows import Windows
+from flywheel.diagnosis.fitting.windows import ChannelNoise, Windows
 from flywheel.diagnosis.selection.candidates import Candidate
 from flywheel.diagnosis.selection.score_test import DEAD, Projection, slices_of, smallest_shown
 from flywheel.diagnosis.settings import FittingSettings, Limits, Settings
@@ -24,7 +24,7 @@ from flywheel.diagnosis.statistics import chance
 from flywheel.dynamics.plant import AugmentedPlant, Motion, Plant
 from flywheel.effects import Scales
 from flywheel.errors import DataError, ModelError
-from flywheel.records import Floats, Observation, State, Trajectory
+from flywheel.records import Floats, MeasuredChannel, Observation, State, Trajectory
 
 SETTLING = 1.0  # that the robot lies still before an experiment begins [s]
 AT_ONCE = 24  # windows whose sensitivities are in memory together
@@ -100,15 +100,21 @@ class Information:
         return np.minimum(values, 1.0)
 
 
-def simulate_scripts(plant: Plant, scripts: Floats, start: State | None = None) -> Motion:
+def simulate_scripts(
+    plant: Plant,
+    scripts: Floats,
+    start: State | None = None,
+    channels: Sequence[ChannelNoise] = (),
+) -> Motion:
     """Motion of a plant under command scripts.
 
     Args:
       plant: with its effects.
       scripts: (S, T, W) commands.
       start: (1,) initial state; None for the keyframe after a second of holding still.
+      channels: measured beside the points.
     """
-    augmented, count = AugmentedPlant(plant), len(scripts)
+    augmented, count = AugmentedPlant(plant, [each.key for each in channels]), len(scripts)
     state = plant.settle(SETTLING) if start is None else start
     first = state[np.zeros(count, int)]
     terms = [plant.terms] * count
@@ -123,6 +129,7 @@ def information_of(
     sigma: float,
     seconds: float | None = None,
     settings: Settings = Settings(),
+    channels: Sequence[ChannelNoise] = (),
 ) -> Information:
     """Information of planned experiments.
 
@@ -134,6 +141,7 @@ def information_of(
       sigma: noise of each coordinate [m].
       seconds: length of the windows [s]; None for one that suits the robot.
       settings: of the following diagnosis.
+      channels: measured beside the points; those of the motion.
 
     Raises:
       DataError: no candidate, no noise, or scripts too short for a window.
@@ -146,7 +154,7 @@ def information_of(
     if not motion.finite.all():
         which = int(np.argmin(motion.finite))
         raise ModelError(f"The simulation of {plant.robot.name} diverges under script {which}.")
-    tracks = [_track(plant, script, motion, row) for row, script in enumerate(scripts)]
+    tracks = [_track(plant, script, motion, row, channels) for row, script in enumerate(scripts)]
     cut = partial(Windows.cut, plant.robot, seconds=seconds, sigma=sigma, settings=settings.windows)
     slices, row = slices_of(library), 0
     columns = slices[-1][-1].stop
@@ -163,10 +171,14 @@ def information_of(
     return Information(tuple(library), grams, slices, usual, threshold)
 
 
-def _track(plant: Plant, script: Floats, motion: Motion, row: int) -> Trajectory:
+def _track(
+    plant: Plant, script: Floats, motion: Motion, row: int, channels: Sequence[ChannelNoise]
+) -> Trajectory:
     """The measurements without noise. Winch positions are only used for the starts of winches."""
     seen = Observation(motion.points[row], plant.winch(motion.states[row]))
-    return Trajectory(seen, script, plant.dt)
+    beside = zip(channels, motion.channels[row].T, strict=True)
+    measured = [MeasuredChannel(*each.key, values, each.sigma) for each, values in beside]
+    return Trajectory(seen, script, plant.dt, channels=tuple(measured))
 
 
 def _grams(

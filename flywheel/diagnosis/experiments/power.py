@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from flywheel.diagnosis.experiments.information import Information, information_of, simulate_scripts
+from flywheel.diagnosis.fitting.windows import ChannelNoise
 from flywheel.diagnosis.selection.candidates import Candidate, candidates
 from flywheel.diagnosis.settings import Settings, unusual
 from flywheel.dynamics.plant import Plant
@@ -79,6 +80,8 @@ class Power:
       dt: control step [s].
       controls: (T, W) of the experiment.
       settings: of the following diagnosis.
+      channels: measured beside the points.
+      by_points: the same by points alone; None without channels.
     """
 
     prospects: tuple[Prospect, ...]
@@ -88,6 +91,8 @@ class Power:
     dt: float
     controls: Floats
     settings: Settings
+    channels: tuple[ChannelNoise, ...] = ()
+    by_points: Power | None = None
 
     @property
     def enough(self) -> float:
@@ -95,6 +100,12 @@ class Power:
         [sigma].
         """
         return float(np.sqrt(self.settings.limits.threshold))
+
+    @property
+    def bare_sizes(self) -> dict[str, float]:
+        """By label, the smallest visible sizes by points alone, NaN if invisible; none without channels."""
+        prospects = () if self.by_points is None else self.by_points.prospects
+        return {p.candidate.label: p.smallest if p.visible else np.nan for p in prospects}
 
     def summary(self) -> dict[str, Any]:
         """In JSON form."""
@@ -105,8 +116,13 @@ class Power:
             "enough": self.enough,
             "effects": [prospect.summary() for prospect in self.prospects],
             "likeness": self.likeness.tolist(),
+            **({} if self.by_points is None else self._beside(self.by_points)),
             **({"settings": changes} if (changes := unusual(self.settings)) else {}),
         }
+
+    def _beside(self, by_points: Power) -> dict[str, Any]:
+        channels = [channel.summary() for channel in self.channels]
+        return {"channels": channels, "by_points_alone": by_points.summary()["effects"]}
 
 
 def power(
@@ -116,6 +132,7 @@ def power(
     library: Mapping[str, Effect] = EFFECTS,
     options: PowerOptions = PowerOptions(),
     settings: Settings = Settings(),
+    channels: Sequence[ChannelNoise] = (),
 ) -> Power:
     """Predict the power of commands.
 
@@ -126,14 +143,17 @@ def power(
       library: candidate effects.
       options: size of the effects, and length of the windows.
       settings: of the following diagnosis.
+      channels: measured beside the points.
 
     Raises:
       DataError: too few commands for a window, no effect, or no noise.
       ModelError: the plant diverges under the commands.
     """
     scripts, known = controls[None], candidates(plant.robot, library)
-    motion, size = simulate_scripts(plant, scripts), options.size
-    information = information_of(plant, scripts, motion, known, sigma, options.window, settings)
+    motion, size = simulate_scripts(plant, scripts, channels=channels), options.size
+    information = information_of(
+        plant, scripts, motion, known, sigma, options.window, settings, channels
+    )
     apart, likeness = _pairs(information)
     prospects = [_prospect(information, i, size, apart[i], likeness[i]) for i in range(len(known))]
     order = np.argsort([prospect.smallest for prospect in prospects], kind="stable")
@@ -145,6 +165,8 @@ def power(
         dt=plant.dt,
         controls=controls,
         settings=settings,
+        channels=tuple(channels),
+        by_points=power(plant, controls, sigma, library, options, settings) if channels else None,
     )
 
 

@@ -12,8 +12,8 @@ from typer.testing import CliRunner
 from flywheel.cli.driving.hidden_effects import hidden_effects
 from flywheel.cli.logs.diagnose import unsure_of
 from flywheel.cli.main import app
-from flywheel.cli.options import length_of, number
-from flywheel.errors import ConfigError
+from flywheel.cli.options import channels_of, length_of, number
+from flywheel.errors import ConfigError, UnknownNameError
 from flywheel.quantities import Bounds
 from flywheel.robots import load_robot
 
@@ -83,6 +83,47 @@ def test_numbers_within_texts_have_bounds_too(text: str) -> None:
         with pytest.raises(ConfigError, match="number.*; got|number.*Got") as caught:
             read()
         assert len(str(caught.value)) < 500
+
+
+@pytest.mark.parametrize(
+    ("said", "kind", "sigma"),
+    [
+        ("tension=0.5N", "tension", 0.5),
+        ("tension=2 kN", "tension", 2000.0),
+        ("length=0.3mm", "length", 0.0003),
+        ("winch=1e-4m", "winch", 0.0001),
+    ],
+)
+def test_a_channel_is_of_all_cables_or_winches_or_of_one(
+    said: str, kind: str, sigma: float
+) -> None:
+    names = [each.name for each in (PRISM.winches if kind == "winch" else PRISM.cables)]
+    everywhere = channels_of([said], PRISM)
+    assert [channel.key for channel in everywhere] == [(kind, name) for name in names]
+    assert [channel.sigma for channel in everywhere] == pytest.approx([sigma] * len(names))
+    assert channels_of([said.replace("=", f"@{names[1]}=")], PRISM) == everywhere[1:2]
+
+
+def test_of_two_noises_of_a_channel_the_last_counts() -> None:
+    found = channels_of(["tension=2N", f"tension@{PRISM.cables[1].name}=1N"], PRISM)
+    assert [channel.sigma for channel in found[:3]] == [2.0, 1.0, 2.0]
+
+
+@pytest.mark.parametrize(
+    "said",
+    ["", "tension", "tension=0.5", "tension=5mm", "length=-1mm", "length=1e300m", "winch=nanmm"],
+)
+def test_a_channel_without_a_sensible_noise_is_refused(said: str) -> None:
+    with pytest.raises((ConfigError, UnknownNameError), match="got|Known: length, tension, winch"):
+        channels_of([said], PRISM)
+
+
+@pytest.mark.parametrize(
+    ("said", "meant"), [("tnsion=1N", "tension"), ("winch@winch_36=1mm", "winch_35")]
+)
+def test_channels_that_are_not_there_are_named(said: str, meant: str) -> None:
+    with pytest.raises(UnknownNameError, match=f"Did you mean '{meant}"):
+        channels_of([said], PRISM)
 
 
 @pytest.mark.parametrize("text", ["nan", "inf", "1e300", "", "x"])

@@ -8,11 +8,13 @@ import pytest
 from flywheel.diagnosis.experiments.command_scripts import FAMILIES, WinchRange, varied
 from flywheel.diagnosis.experiments.design import Design, Designer
 from flywheel.diagnosis.experiments.information import information_of, simulate_scripts
+from flywheel.diagnosis.fitting.windows import ChannelNoise
 from flywheel.diagnosis.selection.candidates import Rival
 from flywheel.diagnosis.settings import Settings, changed
 from flywheel.dynamics.plant import Plant
 from flywheel.errors import DataError, UnknownNameError
 from flywheel.options import DesignOptions
+from flywheel.reports.experiment_page import design_sentence
 from flywheel.robots import Robot, load_robot
 
 pytestmark = pytest.mark.slow
@@ -119,3 +121,17 @@ def test_rivals_are_told_apart_by_the_threshold_of_the_diagnosis(robot: Robot) -
     assert found.needed == found.summary()["enough"] == 6.0
     assert found.summary()["settings"] == {"limits.threshold": 36.0}
     assert [replace(found, separation=apart).enough for apart in (5.9, 6.1)] == [False, True]
+
+
+def test_load_cells_separate_what_points_alone_do_not(robot: Robot) -> None:
+    cells = [ChannelNoise(("tension", cable.name), 0.5) for cable in robot.cables]
+    named = rivals(robot, "cable_friction", "capstan")
+    few = DesignOptions(seconds=0.3, candidates=1)
+    found = Designer(Plant(robot), named, SIGMA, few, channels=cells).design()
+    designer = Designer(Plant(robot), named, SIGMA)
+    scripts = found.controls[None]
+    motion = simulate_scripts(designer.plant, scripts)
+    bare = information_of(designer.plant, scripts, motion, designer.library, SIGMA)
+    assert found.by_points == designer.separation(bare, [(0, 1)])[0] < found.separation
+    assert found.summary()["by_points_alone"] == found.by_points
+    assert f"By points alone it is {found.by_points:.1f}." in design_sentence(found)

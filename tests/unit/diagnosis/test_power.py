@@ -1,6 +1,7 @@
 """What `power` promises before an experiment is what `diagnose` says after it."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,14 +10,15 @@ from flywheel.diagnosis import diagnose
 from flywheel.diagnosis.experiments.information import simulate_scripts
 from flywheel.diagnosis.experiments.power import Power, power
 from flywheel.diagnosis.fitting.model import fitted, fitter_of
-from flywheel.diagnosis.fitting.windows import Windows
+from flywheel.diagnosis.fitting.windows import ChannelNoise, Windows
 from flywheel.diagnosis.selection.candidates import candidates
 from flywheel.diagnosis.selection.search import Search
 from flywheel.diagnosis.settings import Settings, changed
 from flywheel.dynamics.plant import Plant, with_effects
-from flywheel.effects import EFFECTS, Effect
+from flywheel.effects import EFFECTS, NAMED, Effect
 from flywheel.options import PowerOptions
-from flywheel.records import Observation, Trajectory
+from flywheel.records import MeasuredChannel, Observation, Trajectory
+from flywheel.reports.experiment_page import power_sentence, write_power
 from flywheel.robots import Robot
 from flywheel.truth_simulator.recording import record
 
@@ -147,3 +149,48 @@ def test_promises_are_those_of_a_diagnosis_with_the_same_settings(robot, hidden,
         for settings in (Settings(), strict)
     ]
     assert shown == [True, False]
+
+
+def load_cells(robot: Robot, noise: float) -> list[ChannelNoise]:
+    return [ChannelNoise(("tension", cable.name), noise) for cable in robot.cables]
+
+
+def test_load_cells_show_what_a_recording_with_them_shows(
+    robot: Robot, hidden: Trajectory, seed: int, tmp_path: Path
+) -> None:
+    stiffness = {"cable_stiffness": NAMED["cable_stiffness"]}
+    plant, noise, controls = Plant(robot), 0.003 * robot.length, hidden.controls[:80]
+    cells = load_cells(robot, 0.2)
+    found = power(plant, controls, noise, stiffness, channels=cells)
+    assert found.by_points is not None
+    (told,), (bare,) = found.prospects, found.by_points.prospects
+    assert told.smallest < 0.5 * bare.smallest
+    assert bare.smallest == power(plant, controls, noise, stiffness).prospects[0].smallest
+    summary = found.summary()
+    assert summary["channels"] == [cell.summary() for cell in cells]
+    assert summary["by_points_alone"] == [bare.summary()]
+    assert "By points alone, without the channels, it would be" in power_sentence(found)
+    page = write_power(found, tmp_path / "p.html", {}).read_text()
+    shown = f"{bare.smallest:.3g}" if bare.visible else "invisible"
+    assert f"<td>{told.smallest:.3g}</td><td>{shown}</td>" in page
+
+    motion, rng = simulate_scripts(plant, controls[None], None, cells), np.random.default_rng(seed)
+    points = motion.points[0] + rng.normal(0, noise, motion.points[0].shape)
+    tensions = motion.channels[0] + rng.normal(0, 0.2, motion.channels[0].shape)
+    channels = tuple(
+        MeasuredChannel(*cell.key, values, cell.sigma)
+        for cell, values in zip(cells, tensions.T, strict=True)
+    )
+    seen = Observation(points, plant.winch(motion.states)[0])
+    log = Trajectory(seen, controls, hidden.dt, channels=channels)
+    fitter = fitter_of(Windows.cut(robot, [log], sigma=noise), plant)
+    search = Search(fitter, candidates(robot, stiffness), threshold=25.0)
+    (after,) = search.score_all(fitted(fitter)).scores
+    assert told.smallest == pytest.approx(after.smallest, rel=0.3), seed
+
+
+def test_a_channel_that_is_all_noise_shows_nothing_more(robot, hidden):
+    few = {"winch_gain": EFFECTS["winch_gain"]}
+    found = power(Plant(robot), hidden.controls[:80], 0.01, few, channels=load_cells(robot, 1e6))
+    (told,), (bare,) = found.prospects, found.by_points.prospects
+    assert told.smallest == pytest.approx(bare.smallest, rel=1e-3)
