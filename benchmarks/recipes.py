@@ -157,16 +157,10 @@ def of_checkout(root: Path, *asked: Any) -> dict[str, float]:
     return found
 
 
-def grouped(rows: Sequence[RecipeRow], *names: str) -> dict[tuple[Any, ...], list[RecipeRow]]:
-    """Rows that are alike in some fields, in their order."""
-    found: dict[tuple[Any, ...], list[RecipeRow]] = {}
-    for row in rows:
-        found.setdefault(tuple(getattr(row, name) for name in names), []).append(row)
-    return found
-
-
 def table(rows: Sequence[RecipeRow]) -> list[str]:
     """Lines of Markdown: a row for each recipe, with all its seeds."""
+    from benchmarks.rows import grouped
+
     head = "build | minutes of one core | of data | changed | steps | RMSE/L [%] | turn [deg]"
     lines = [f"| {head} |", "|---" * 7 + "|"]
     alike = grouped(rows, "build", "minutes", "data", "changed")
@@ -184,6 +178,7 @@ def figure(rows: Sequence[RecipeRow]) -> Figure:
     """Errors of builds with their defaults and all data against minutes of one core: seeds, and medians."""
     from matplotlib.figure import Figure
 
+    from benchmarks.rows import grouped
     from flywheel.reports import style
 
     whole = EPISODES["train"][0] * SECONDS / 60.0

@@ -49,6 +49,14 @@ def other_rows(
     return [row for row in rows_there(kind, path) if values_of(row, of) not in taken]
 
 
+def grouped(rows: Iterable[R], *names: str) -> dict[tuple[Any, ...], list[R]]:
+    """Rows that are alike in some fields, in their order."""
+    found: dict[tuple[Any, ...], list[R]] = {}
+    for row in rows:
+        found.setdefault(tuple(getattr(row, name) for name in names), []).append(row)
+    return found
+
+
 def values_of(row: DataclassInstance, names: Sequence[str]) -> tuple[Any, ...]:
     """The values of some fields of a record."""
     return tuple(getattr(row, name) for name in names)

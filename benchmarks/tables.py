@@ -35,6 +35,7 @@ from benchmarks import (
     residual,
     robot,
     steps,
+    trunk,
 )
 from benchmarks.adoption import AdoptionRow, AdoptionStudy
 from benchmarks.demo import DemoResult, DemoRow
@@ -54,6 +55,7 @@ from benchmarks.steps import REST_CSV, STEPS_CSV, RestRow, StepRow
 from benchmarks.sysid import table as sysid
 from benchmarks.sysid.study import CaseStudy
 from benchmarks.sysid.table import ContenderRow
+from benchmarks.trunk import TRUNK_CSV, TrunkRow
 from flywheel.cli.driving.drives import read_drives
 from flywheel.errors import ConfigError, FlywheelError
 from flywheel.outputs import write_output
@@ -140,6 +142,7 @@ TABLES: dict[str, Callable[[], list[str]]] = {
     "steps-others": lambda: steps.others_table(read_rows(StepRow, STEPS_CSV)),
     "steps-rest": lambda: steps.rest_table(read_rows(RestRow, REST_CSV)),
     "sysid": lambda: sysid.table(read_rows(ContenderRow, SYSID)),
+    "trunk": lambda: trunk.table(read_rows(TrunkRow, TRUNK_CSV)),
     "navigation": lambda: navigation.run_table(
         "s_course_from_little",
         read_rows(ModelRow, MODELS),

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from flywheel.diagnosis.experiments.design import Design
     from flywheel.runtime.pool.progress import Stage
 
+MANY = "--candidates, effects, --seconds, --dt"  # options that make too many predictions
+
 
 def design(
     rivals: Annotated[list[str], "EFFECT EFFECT..."],
@@ -61,9 +63,8 @@ def design(
     from flywheel.runtime.pool.interrupts import StopRequest
     from flywheel.runtime.pool.progress import console_progress
 
-    predictions = options.candidates * (1 + len(rivals))  # of each script, and with each rival
-    words = "--candidates, effects, --seconds, --dt"
-    check_predictions(predictions, options.seconds, chosen.dt, words)
+    predicted = options.candidates * (1 + len(rivals))  # of each script, and with each rival
+    check_predictions(predicted, options.seconds, chosen.dt, MANY)
     check_outputs({"script": out, "page": page, "JSON": json}, inputs=chosen.files)
     check_new(out)
     (plant, library), shown = opened(chosen), console()
@@ -71,18 +72,17 @@ def design(
     tuned = changed(Settings(), changes_of(settings))
     sigma, beside = length_of(noise, plant.robot), channels_of(channel, plant.robot)
     designer = Designer(plant, named, sigma, options, tuned, beside)
-    count = 2 * options.candidates
-    with StopRequest() as stop, console_progress().stage("try scripts", count) as stage:
+    tries = console_progress().stage("try scripts", 2 * options.candidates)
+    with StopRequest() as stop, tries as stage:
         found = designer.design(partial(_tell, stage), stop)
     out.parent.mkdir(parents=True, exist_ok=True)
     write_commands(found.controls, plant.dt, out, plant.robot)
-    _show(shown, found)
-    shown.say(f"Commands: {out}")
+    _show(shown, found, out)
     if page is not None:
-        about = {"commands": out.name, "seed": str(options.seed), **about_plant(plant)}
-        about |= library.about | about_settings(tuned)
-        winches = [winch.name for winch in plant.robot.winches]
-        shown.say(f"Page: {write_design(found, page, about, winches)}")
+        about = {"commands": out.name, "seed": str(options.seed)}
+        about |= about_plant(plant) | library.about | about_settings(tuned)
+        names = [winch.name for winch in plant.robot.winches]
+        shown.say(f"Page: {write_design(found, page, about, names)}")
     shown.keep_json(json, {**found.summary(), **library.provenance})
     end_if_stopped(stop, "these are the best commands so far")
 
@@ -91,7 +91,7 @@ def _tell(stage: Stage, tried: int, best: float) -> None:
     stage.update(tried, f"best {best:.1f} sigma")
 
 
-def _show(out: Out, found: Design) -> None:
+def _show(out: Out, found: Design, script: Path) -> None:
     from flywheel.reports.experiment_page import design_sentence
 
     out.say(design_sentence(found), style="bold")
@@ -111,3 +111,4 @@ def _show(out: Out, found: Design) -> None:
         f"{found.tried} scripts tried ({found.unsafe} unsafe), noise {1000 * found.sigma:.2f} mm"
     )
     out.print(table(title, columns, rows))
+    out.say(f"Commands: {script}")
