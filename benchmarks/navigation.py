@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import isnan
 
@@ -206,6 +206,28 @@ def episodes_table(rows: Sequence[EpisodeRow]) -> list[str]:
             f"{median} | {slowest} |"
         )
     return lines
+
+
+def courses_table(rows: Sequence[EpisodeRow], runs: Mapping[str, str]) -> list[str]:
+    """Lines of Markdown: a row per course, with goals reached and the median time of each run.
+
+    Args:
+      rows: episodes of these runs, and of others.
+      runs: name of a run -> head of its column.
+    """
+    lines = [f"| course | {' | '.join(runs.values())} |", f"|---{'|---' * len(runs)}|"]
+    of_runs = [row for row in rows if row.run in runs]
+    for where in [*dict.fromkeys(row.where for row in of_runs), ""]:  # the last one is for all
+        here = [row for row in of_runs if where in ("", row.where)]
+        cells = [_reached([row for row in here if row.run == run]) for run in runs]
+        lines.append(f"| {f'`{where}`' if where else 'all'} | {' | '.join(cells)} |")
+    return lines
+
+
+def _reached(rows: Sequence[EpisodeRow]) -> str:
+    times = [row.seconds for row in rows if row.reached]
+    median = f", {np.median(times):.0f} s" if times else ""
+    return f"{_share(len(times), len(rows))}{median}"
 
 
 def _setting(row: EpisodeRow) -> tuple[str, str, str, str, str]:

@@ -156,6 +156,14 @@ TABLES: dict[str, Callable[[], list[str]]] = {
         )
         for file in sorted(PAPER.glob("*.csv"))
     },
+    "navigation-courses": lambda: navigation.courses_table(
+        read_rows(EpisodeRow, EPISODES),
+        {
+            "five courses, A*": "A*",
+            "five courses, MPPI": "MPPI",
+            "five courses, MPPI with turns": "MPPI with turns",
+        },
+    ),
     "navigation-episodes": lambda: navigation.episodes_table(read_rows(EpisodeRow, EPISODES)),
 }
 
