@@ -219,7 +219,7 @@ class Trunk:
         return "\n".join(parts) + "\n"
 
     def episodes(self, log: TrunkLog, robot: Robot, rows: range, length: int) -> list[Episode]:
-        """Parts of a log of at most a length [rows]; the learned ones are for training or validation."""
+        """Parts of a log of at most a length [rows], each with its split."""
         found = []
         for number, first in enumerate(range(rows.start, rows.stop - length // 2, length)):
             last = min(first + length, rows.stop - 1)
@@ -227,7 +227,8 @@ class Trunk:
                 log.discs[first : last + 1], self.positions(log.had[first : last + 1])
             )
             track = Trajectory(seen, self.positions(log.told[first:last]), DT)
-            split: Split = "validation" if number in VALIDATED else "train"
+            learned: Split = "validation" if number in VALIDATED else "train"
+            split = learned if first in LEARNED else "test"
             made = Provenance(robot.digest, source="recording", dataset=RECORDING)
             found.append(Episode(f"rows-{first}-{last}", track, made, split))
         return found

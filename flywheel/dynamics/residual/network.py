@@ -35,9 +35,7 @@ from flywheel.dynamics.residual.mechanics import FREEDOMS, Structure, structure_
 from flywheel.dynamics.residual.motion import Knots
 from flywheel.robots import Robot
 
-DRIFT = (
-    0.02  # typical of its velocity (`ERROR`), and of predicted rates of rest lengths [sqrt(L g)]
-)
+DRIFT = 0.02  # typical of the velocity of an error, and of rates of rest lengths [sqrt(L g)]
 FORCE = 0.02  # typical of what the network adds to forces [weight], and to torques [weight L]
 _LEAST_SPREAD = 1e-4  # below which a feature is constant
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.trunk import LEARNED, MOVED, Trunk, TrunkLog
+from benchmarks.trunk import LEARNED, MOVED, TESTED, Trunk, TrunkLog
 from flywheel.dynamics.gnn import ChunkNetwork, NetworkConfig
 from flywheel.dynamics.plant import Plant
 from flywheel.robots import read_robot
@@ -44,3 +44,15 @@ def test_an_episode_is_a_part_of_the_log(log: TrunkLog) -> None:
     assert (first.trajectory.steps, last.trajectory.steps) == (1000, 549)
     np.testing.assert_array_equal(first.trajectory.observations.points, log.discs[50:1051])
     np.testing.assert_array_equal(last.trajectory.controls, trunk.positions(log.told[2050:2599]))
+
+
+def test_tested_rows_are_not_for_learning(log: TrunkLog) -> None:
+    trunk = Trunk(log.rest, log.pulls())
+    robot = read_robot(trunk.mjcf())
+    learned = trunk.episodes(log, robot, LEARNED, 1000)
+    assert [n for n, each in enumerate(learned) if each.split == "validation"] == [3, 8]
+    assert {each.split for each in learned} == {"train", "validation"}
+    long = TrunkLog(
+        *(np.tile(x, (2, *[1] * (x.ndim - 1))) for x in (log.told, log.had, log.discs)), REST
+    )
+    assert {each.split for each in trunk.episodes(long, robot, TESTED, 700)} == {"test"}
