@@ -173,7 +173,7 @@ class DataSets:
         """
         method, store = self.table.methods[cell.method], self.store
         names, end = self._segments(cell.dataset, method), method.variant
-        places = [cell.dataset, *self._simulated(method)]
+        places = [cell.dataset] * method.recordings + self._simulated(method)
         train = store.seal(f"train-{cell.dataset}{end}", names["train"], datasets=places)
         test = store.seal(f"test-{cell.dataset}{RATES * method.true_winches}", names["test"])
         self.check_apart(train, test)
@@ -186,7 +186,7 @@ class DataSets:
         learned = [plan.id + end for plan in plans if plan.split != "test"]
         made = [f"{data}-{name}" for data, name in product(self._simulated(method), learned)]
         return {
-            "train": learned + made,
+            "train": learned * method.recordings + made,
             "test": [plan.id + end for plan in plans if plan.split == "test"],
         }
 

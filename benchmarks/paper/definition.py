@@ -45,6 +45,7 @@ class Method(Frozen):
       exact: a floor restarts the very plant of the data set; else the MJCF's.
       true_winches: commands are the winches' true rates, in training and in tests.
       simulations: data sets simulated with the commands of the recordings that are added in training.
+      recordings: the recordings are in the training, too; without them a robot is tested as the first plant.
       published: robot -> numbers of a publication: position and rotation of whole trajectories, and of short
         ones.
     """
@@ -55,6 +56,7 @@ class Method(Frozen):
     exact: bool = False
     true_winches: bool = False
     simulations: Annotated[int, Bounds(0, 1000)] = 0
+    recordings: bool = True
     published: dict[Name, tuple[Name, Name, Name, Name]] = Field(default={})
 
     @model_validator(mode="after")
@@ -66,12 +68,15 @@ class Method(Frozen):
             lookup(BASELINES, self.model, "model of a table")
         if self.exact and self.model not in FLOORS:
             raise ValueError(f"exact is for {' and '.join(FLOORS)}, got {self.model}")
+        if not self.recordings and (not self.simulations or self.model != NETWORK):
+            raise ValueError(f"recordings=false is for a {NETWORK} with simulations of 1 or more")
         return self
 
     @property
     def variant(self) -> str:
         """End of the names of its snapshots."""
-        return f"-with-{self.simulations}" if self.simulations else "-rates" * self.true_winches
+        beside = "with" if self.recordings else "only"
+        return f"-{beside}-{self.simulations}" if self.simulations else "-rates" * self.true_winches
 
 
 @dataclass(frozen=True)

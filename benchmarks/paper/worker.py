@@ -170,7 +170,7 @@ def _measured(
     evaluate, exact = config.evaluate, config.measurement == MeasurementModel()
     told: dict[str, Any] = {
         "truth": None if exact else data.truth,
-        "datasets": {name: index for index, name in enumerate(datasets)},
+        "datasets": {row.dataset: 0} | {name: index for index, name in enumerate(datasets)},
         "winches": data.winches,
     }
     short = partial(

@@ -26,6 +26,7 @@ robots: {{prism3: ["gait:roll"]}}
 methods:
   arx: {{model: arx, fit: {{}}}}
   network: {{simulations: 1, published: {{prism3: ["49", "27", "4.0", "7.0"]}}}}
+  alone: {{simulations: 1, recordings: false}}
   mjcf_restarted: {{model: informed_floor}}
 """
 SHORT = ["repetitions=3", "seconds=[1.6, 1.6]"]
@@ -59,6 +60,7 @@ def test_a_data_set_has_nine_trajectories_of_which_three_are_tested(tmp_path: Pa
         ("methods.arx.model=arcs", "arcs"),
         ("methods.persistence.exact=true", "exact is for floor and informed_floor"),
         ("methods.network.simulations=3", "simulations: at most 0 here"),
+        ("methods.network.recordings=false", "recordings=false is for a network with simulations"),
         ("robots.prism3=[walk]", "unknown controllers"),
         ("tested=3", "leave none to learn from"),
         ("run.network.chunk=17", "chunk"),
@@ -117,11 +119,12 @@ def test_a_table_is_made_once_and_shown(tmp_path: Path) -> None:
     backend, shown = LocalBackend(), []
     table.make(WorkerPool(backend, [table.workers], 1), show=lambda rows: shown.append(len(rows)))
     rows = table.rows()
-    assert [row.method for row in rows] == list(config.methods) and shown == [1, 2, 3, 3]
+    assert [row.method for row in rows] == list(config.methods) and shown == [1, 2, 3, 4, 4]
     assert all(np.isfinite([row.full_mse, row.short_rot, row.rollout_cpu]).all() for row in rows)
-    assert len({row.test for row in rows}) == 1 and len({row.train for row in rows}) == 2
+    assert len({row.test for row in rows}) == 1 and len({row.train for row in rows}) == 3
     learned = {row.method: row.learned for row in rows}
     assert learned["network"] == pytest.approx(2 * learned["arx"] - 2 * 0.5)
+    assert learned["alone"] == pytest.approx(learned["network"] - learned["arx"])
     assert "(49)" in (table.folder / "table.md").read_text()
     assert list(table.folder.glob("prism3/models/*.network.s0/trainer.lock"))
 
