@@ -83,6 +83,7 @@ CALIBRATIONS: dict[str, Effect] = {
     "drum_radius": build_effects.DrumRadius(),
     "mass_of_body": build_effects.MassOfBody(),
     "inertia_of_body": build_effects.InertiaOfBody(),
+    "inertia_by_axis": build_effects.InertiaByAxis(),
     "centre_of_mass": build_effects.CentreOfMass(),
 }
 # Other laws of effects of the library. Tried in the place of these, or where they are named.

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial.transform import Rotation
 
 from flywheel.effects.cable_effects import pulls_on
 from flywheel.effects.effect import RESTS, CommandEffect, ModelEffect, Numbers, Parameter, Values
@@ -101,6 +105,30 @@ class InertiaOfBody(ModelEffect):
 
     def edit(self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Numbers) -> None:
         model.body_inertia[_pieces(model, place)] *= 1.0 + values["share"]
+
+
+class InertiaByAxis(ModelEffect):
+    """One body with other moments of inertia than in the MJCF, about each of its principal axes.
+
+    Each is named after the axis of the body that is nearest to it: MuJoCo sorts them by size.
+    """
+
+    name = "inertia_by_axis"
+    where = "body"
+    sizes = tuple(replace(InertiaOfBody.sizes[0], name=axis) for axis in AXES)
+    equation = "(Ix, Iy, Iz) -> ((1 + x) Ix, (1 + y) Iy, (1 + z) Iz), about its principal axes"
+    source = "Euler's equations"
+    shown_by = "turning fast about each axis"
+
+    def edit(self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Numbers) -> None:
+        factors = np.array([1.0 + values[axis] for axis in AXES])
+        for piece in _pieces(model, place):
+            axes = (
+                turn_of(model, piece)
+                @ Rotation.from_quat(model.body_iquat[piece], scalar_first=True).as_matrix()
+            )
+            _, nearest = linear_sum_assignment(-np.abs(axes.T))
+            model.body_inertia[piece] *= factors[nearest]
 
 
 class CentreOfMass(ModelEffect):

@@ -19,10 +19,11 @@ from flywheel.errors import DataError
 from flywheel.registry import lookup
 from flywheel.robots import Robot
 
-# A number of the whole robot -> the same of each part, which whoever names the first has said something of.
+# A number -> a finer or a coarser one of the same, which whoever names the first has said something of.
 PARTS_OF = {
     "cable_stiffness": "weak_cable",
     "body_mass": "mass_of_body",
+    "inertia_by_axis": "inertia_of_body",
     "winch_gain": "drum_radius",
     "winch_gain_on_length": "drum_radius",
 }

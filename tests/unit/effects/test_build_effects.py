@@ -75,6 +75,22 @@ def test_all_bodies_are_the_mass_of_the_robot(augmented: AugmentedPlant) -> None
     np.testing.assert_allclose(bodies, whole, atol=1e-12)
 
 
+def test_inertia_by_axis_is_what_resists_turning_about_that_axis() -> None:
+    robot, model = load_robot("platform4"), Plant(load_robot("platform4")).model
+    data = mujoco.MjData(model)
+
+    def resisting() -> np.ndarray:
+        """(3,) moments of inertia of the platform about its own axes [kg m^2]."""
+        mujoco.mj_forward(model, data)
+        matrix = np.zeros((model.nv, model.nv))
+        mujoco.mj_fullM(model, data, matrix)
+        return np.diag(matrix)[3:6]
+
+    before = resisting()
+    NAMED["inertia_by_axis"].edit(model, robot, 0, {"x": 0.2, "y": -0.1, "z": 0.0})
+    np.testing.assert_allclose(resisting() / before, [1.2, 0.9, 1.0], atol=1e-4)
+
+
 def test_all_losses_are_the_damping_of_the_plant(augmented: AugmentedPlant) -> None:
     start = augmented.plant.settle(1.0)
     damped = Plant(augmented.robot, parameters=PlantParameters(cable_damping=1.4))
