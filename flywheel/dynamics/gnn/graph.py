@@ -20,9 +20,16 @@ from torch import Tensor
 
 from flywheel.dynamics.baselines.attachments import with_attachments
 from flywheel.dynamics.gnn.config import NetworkConfig
-from flywheel.dynamics.gnn.nodes import anchors, body_nodes, find, node_constants, standardised
+from flywheel.dynamics.gnn.nodes import (
+    anchors,
+    body_nodes,
+    cable_constants,
+    find,
+    node_constants,
+)
+from flywheel.effects import Scales
 from flywheel.records import Floats
-from flywheel.robots import GRAVITY, Attachment, Robot
+from flywheel.robots import Attachment, Robot
 
 T = TypeVar("T")
 
@@ -183,11 +190,6 @@ class RobotGraph:
                     best, pair = distance, (self._node_of_point[a], self._node_of_point[b])
         return pair
 
-    @property
-    def _weight(self) -> float:
-        """Weight of the robot [N]."""
-        return GRAVITY * sum(body.mass for body in self.robot.bodies)
-
     def _relation(
         self, name: str, senders: list[int], receivers: list[int], constants: Floats
     ) -> Relation:
@@ -225,17 +227,11 @@ class RobotGraph:
 
     def _cable_relation(self) -> Relation:
         """Both directions of every cable; edges 2c and 2c + 1 are those of cable c."""
-        senders, receivers, rows = [], [], []
-        weight = self._weight
-        pace = np.sqrt(GRAVITY * self.robot.length)
-        for cable, ratio in zip(self.robot.cables, self.robot.ratios, strict=True):
-            a, b = (self._node_at(end) for end in cable.ends)
-            senders += [a, b]
-            receivers += [b, a]
-            stiffness = np.log(max(cable.stiffness * self.robot.length / weight, 1e-6))
-            damping = np.log(max(cable.damping * pace / weight, 1e-6))
-            rows += [[stiffness, damping, ratio]] * 2
-        return self._relation("cable", senders, receivers, standardised(np.array(rows)))
+        ends = [[self._node_at(end) for end in cable.ends] for cable in self.robot.cables]
+        senders = [node for pair in ends for node in pair]
+        receivers = [node for a, b in ends for node in (b, a)]
+        constants = np.repeat(cable_constants(self.robot), 2, axis=0)
+        return self._relation("cable", senders, receivers, constants)
 
     def _contact_relation(self) -> Relation:
         """Surface to node and node to surface; the constant is +1 where the body node receives."""
@@ -263,7 +259,10 @@ class RobotGraph:
         robot = self.robot
         cable = self.relations["cable"].origin.cpu().numpy() // 2
         drives = np.array([c.winch for c in robot.cables])[cable]
-        force = np.array([(c.stiffness, c.damping) for c in robot.cables])[cable] / self._weight
+        force = (
+            np.array([(c.stiffness, c.damping) for c in robot.cables])[cable]
+            / Scales.of(robot).weight
+        )
         self.stiffness, self.damping = self._tensor(force).split(1, dim=1)
         start = np.array([own.cables[w.cables[0]].rest_length for w in own.winches] + [0.0])
         rest = np.array([c.rest_length for c in robot.cables])[cable]

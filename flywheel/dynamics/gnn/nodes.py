@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flywheel.effects import Scales
 from flywheel.errors import ModelError
 from flywheel.records import Floats
 from flywheel.robots import Body, Primitive, Robot
@@ -150,6 +151,18 @@ def node_constants(robot: Robot, nodes: tuple[BodyNode, ...]) -> Floats:
             )
         )
     return standardised(np.array(rows))
+
+
+def cable_constants(robot: Robot) -> Floats:
+    """(C, 3) constants of a cable: stiffness, damping, and how far it moves with its winch.
+
+    The first two are logarithms in units of the robot's weight, length and natural time. Each column is
+    standardised over the cables.
+    """
+    scales = Scales.of(robot)
+    force = np.array([(c.stiffness, c.damping / scales.time) for c in robot.cables]).reshape(-1, 2)
+    logs = np.log(np.maximum(force * robot.length / scales.weight, 1e-6))
+    return standardised(np.column_stack([logs, robot.ratios]))
 
 
 def standardised(table: Floats) -> Floats:

@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from flywheel.dynamics.gnn.nodes import standardised
+from flywheel.dynamics.gnn.nodes import cable_constants, standardised
 from flywheel.dynamics.residual.config import ResidualConfig
 from flywheel.dynamics.residual.motion import Knots, Units
 from flywheel.effects import Scales
@@ -47,15 +47,7 @@ class Layout:
         )
         self.cable = _index(cable)
         weight = scales.weight
-        rows = [
-            [
-                np.log(max(c.stiffness * L / weight, 1e-6)),
-                np.log(max(c.damping * self.units.speed / weight, 1e-6)),
-                ratio,
-            ]
-            for c, ratio in zip(robot.cables, robot.ratios, strict=True)
-        ]
-        self.cable_constants = _tensor(standardised(np.array(rows)))[self.cable]
+        self.cable_constants = _tensor(cable_constants(robot))[self.cable]
         self.stiffness = _tensor([c.stiffness * L / weight for c in robot.cables])
         self.damping = _tensor([c.damping * self.units.speed / weight for c in robot.cables])
         self.winch = _index([c.winch for c in robot.cables])  # -1: the zero at the end
