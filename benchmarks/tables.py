@@ -243,16 +243,18 @@ def collect_robot(folder: Path) -> None:
 
 
 def collect_paper(name: str, folder: Path) -> None:
-    """Import the cells of a table of models; others stay.
+    """Import the cells of a table of models, in its order; others stay.
 
     Raises:
       ConfigError: there is none, or one has other settings than the table has.
     """
-    if not (new := Table(read_table(name), folder).rows()):
+    table = read_table(name)
+    if not (new := Table(table, folder).rows()):
         raise ConfigError(f"There is no result of the table {name} in {folder}.")
     file, of = PAPER / f"{name}.csv", ("robot", "dataset", "method", "seed")
     kept = other_rows(CellRow, file, of, {values_of(row, of) for row in new})
-    write_rows(file, [*kept, *new])
+    order = [values_of(cell, of) for cell in table.cells()]
+    write_rows(file, sorted([*kept, *new], key=lambda row: order.index(values_of(row, of))))
 
 
 def _texts(folder: Path) -> list[str]:
