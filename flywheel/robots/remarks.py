@@ -15,7 +15,7 @@ SLOW = 300.0  # [s] through all its positions: no episode shows a winch that tak
 
 
 def remarks(robot: Robot) -> Iterator[str]:
-    """Sentences on limits of tendons, slack cables and sensors; none for most robots."""
+    """Sentences on limits of tendons, slack cables, friction and sensors; none for most robots."""
     model = mujoco.MjModel.from_xml_string(robot.xml)
     data = mujoco.MjData(model)
     data.qpos[:] = robot.keyframe.qpos
@@ -37,6 +37,7 @@ def remarks(robot: Robot) -> Iterator[str]:
         )
     yield from _on_slack(model, robot)
     yield from _on_slow_winches(robot)
+    yield from _on_friction(model, robot)
     yield from _beside(model, robot)
     yield from _on_sensors(model, robot)
 
@@ -94,6 +95,17 @@ def _on_slow_winches(robot: Robot) -> Iterator[str]:
         yield (
             f"The winches {', '.join(slow)} take at least {min(slow.values()):.3g} s from their shortest to "
             "their longest rest length: is their ctrlrange in m/s?"
+        )
+
+
+def _on_friction(model: mujoco.MjModel, robot: Robot) -> Iterator[str]:
+    """A sentence on a pyramid as the cone of friction at a ground; none if no contact has friction."""
+    pyramid = model.opt.cone == mujoco.mjtCone.mjCONE_PYRAMIDAL
+    if robot.grounded and pyramid and model.geom_condim.max() > 1:
+        yield (
+            "Its friction depends on the direction: with MuJoCo's default cone, a pyramid, it is up to 30 % "
+            'less between the axes of a contact than along them. <option cone="elliptic"/> makes it the same '
+            "in all, as that of a real floor."
         )
 
 

@@ -11,6 +11,7 @@ from flywheel.robots.remarks import remarks
 
 GOOD = """
 <mujoco model="lamp">
+  <option cone="elliptic"/>
   <worldbody>
     <geom name="ground" type="plane" size="5 5 .1"/>
     <site name="ceiling" pos="0 0 3"/>
@@ -405,6 +406,25 @@ def test_forces_that_are_no_cables_are_said() -> None:
     beside = '<general name="beside" tendon="cord" gainprm="0" biastype="affine" biasprm="9 -9"/>'
     (words,) = remarks(read_robot(edited(("</actuator>", f"{beside}</actuator>"))))
     assert "Passive actuators (beside) act beside the cables" in words
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (('cone="elliptic"', 'cone="pyramidal"'), True),
+        ((' cone="elliptic"', ""), True),
+        (('<option cone="elliptic"/>', '<default><geom condim="1"/></default>'), False),
+        (('cone="elliptic"', 'timestep="0.002"'), True),
+    ],
+)
+def test_friction_that_depends_on_the_direction_is_said(change, said: bool) -> None:
+    words = " ".join(remarks(read_robot(edited(change))))
+    assert ("Its friction depends on the direction" in words) == said == bool(words)
+
+
+def test_a_pyramid_without_a_ground_needs_no_remark() -> None:
+    plane = '<geom name="ground" type="plane" size="5 5 .1"/>'
+    assert not list(remarks(read_robot(edited((' cone="elliptic"', ""), (plane, "")))))
 
 
 @pytest.mark.parametrize(("fastest", "said"), [("0.001", True), ("0.1", False)])
