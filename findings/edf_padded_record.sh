@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 . "$(dirname "$0")/environment.sh" pyEDFlib==0.1.42 numpy==2.4.6
 echo "guess:     a signal of 10.5 s that write_edf wrote has 10.5 s; if its rate is no whole number, too"
-echo "behaviour: the last record is filled up with zeros, and there are records of up to a minute: 9 s at 119.88 Hz become 25 s"
+echo "behaviour: the last record is filled up with zeros, and where the rate is no whole number records are long: 9 s at 119.88 Hz become 25 s"
 python - <<'PYTHON'
 import numpy as np
 from pyedflib import highlevel
