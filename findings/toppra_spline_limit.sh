@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 . "$(dirname "$0")/environment.sh" toppra==0.6.10 numpy==2.4.6 scipy==1.17.1
 echo "guess:     a trajectory of TOPPRA keeps the limits of acceleration, or comes near to them as the grid gets finer"
-echo "behaviour: its default parametrizer is 7 to 12 % above them on any grid; ParametrizeConstAccel keeps them in the same time"
+echo "behaviour: its default parametrizer is 6 to 12 % above them on any grid; ParametrizeConstAccel keeps them in the same time"
 python - <<'PYTHON'
 import numpy as np
 import toppra
