@@ -59,12 +59,11 @@ class AsBuilt(ModelEffect):
         )
 
     def edit(self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Numbers) -> None:
-        numbers = np.array(list(values.values()))
-        for part, own in zip(self.parts, self._split(numbers), strict=True):
-            if own.any():
-                names = (size.name for size in part.effect.sizes)
-                named = dict(zip(names, own.tolist(), strict=True))
-                _model_effect(part).edit(model, robot, part.place, named)
+        numbers = iter(values.values())
+        for part in self.parts:
+            own = {size.name: next(numbers) for size in part.effect.sizes}
+            if any(own.values()):
+                _model_effect(part).edit(model, robot, part.place, own)
 
     def _split(self, numbers: np.ndarray) -> list[np.ndarray]:
         """The values of each part."""

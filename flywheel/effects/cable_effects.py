@@ -162,7 +162,8 @@ class CableStiffness(ModelEffect):
 def pulls_on(model: mujoco.MjModel, cables: Sequence[int] | np.ndarray) -> np.ndarray:
     """(actuators,) bool: True for MuJoCo's actuators on these cables."""
     on_tendon = model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON
-    return np.asarray(on_tendon & np.isin(model.actuator_trnid[:, 0], cables))
+    own = np.equal.outer(model.actuator_trnid[:, 0], cables).any(axis=1)
+    return np.asarray(on_tendon & own)
 
 
 def _scale_stiffness(model: mujoco.MjModel, cables: np.ndarray, factor: float) -> None:
