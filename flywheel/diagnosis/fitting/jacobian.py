@@ -16,9 +16,9 @@ class FiniteDifferences:
     """Jacobians of a plant's predictions, accurate or rough ones.
 
     Accurate ones are two-sided differences, in the time steps of each window. Rough ones, for
-    intermediate steps of a fit, are one-sided and in `hasty` steps of the plant's own length: less
-    than half the price, and half of that again if windows have steps of half the length. They only
-    give the direction; the residual is simulated accurately.
+    intermediate steps of a fit, are one-sided and in `hasty` steps, up to twice as long as the
+    plant's own: a quarter of the price. They only give the direction; the residual is simulated
+    accurately.
 
     Args:
       simulator: of the windows.

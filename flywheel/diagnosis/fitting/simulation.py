@@ -15,7 +15,7 @@ from flywheel.effects import Scales, TensionEffect, Terms, WinchEffect
 from flywheel.records import Floats, State
 
 Memories = dict[str, Floats]
-HASTY = 0  # in the place of a fineness: `hasty` steps of the plant's own length
+HASTY = 0  # in the place of a fineness: `hasty` steps
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class WindowSimulator:
         return halved
 
     def hasty(self, where: np.ndarray | bool = True) -> WindowSimulator:
-        """The same with `hasty` steps of the plant's own length in windows `where` (K,)."""
+        """The same with `hasty` steps in windows `where` (K,)."""
         rough = copy(self)
         rough.fineness = np.where(where, HASTY, self.fineness)
         return rough
