@@ -21,10 +21,11 @@ from flywheel.diagnosis.results.verdict import (
     found,
     verdict_of,
 )
-from flywheel.diagnosis.selection.alternatives import exchanged, model_without, refitted
+from flywheel.diagnosis.selection.alternatives import exchanged, model_without
 from flywheel.diagnosis.selection.candidates import families, places
+from flywheel.diagnosis.selection.criterion import promised
 from flywheel.diagnosis.selection.misspecification import is_probe, misspecification, probed
-from flywheel.diagnosis.selection.score_test import ScoredModel
+from flywheel.diagnosis.selection.score_test import Linearised, ScoredModel
 from flywheel.diagnosis.selection.search import Search, added
 from flywheel.diagnosis.settings import CheckSettings, Limits
 from flywheel.effects import PerPart, Term, at_same_size, taken_apart
@@ -71,7 +72,7 @@ class Judged:
     models: list[ScoredModel]
     effects: Alternative
     facts: Facts
-    shorter: tuple[ScoredModel, ...] = ()
+    shorter: tuple[Linearised, ...] = ()
     rivals: tuple[Fit, ...] = ()
     forms: tuple[Fit, ...] = ()
     exchanged: bool = False
@@ -248,12 +249,9 @@ def with_gains(searched: Searched, judged: Judged, held_out: HeldOut) -> Judged:
         last, known = judged.models[-1], (*judged.models, *judged.shorter)
         doubted, built = judged.verdict in UNEXPLAINED, last.fit.kept is not None
         groups = [*([term] for term in new), *([new] if len(new) > 1 else [])]
-        less = [model_without(search, known, last.fit, terms) for terms in groups]
-        if doubted or built:
-            # Beside one that was given up while it was only not the best, every effect would gain. One that
-            # clearly stays above the target is left there: what effects gain beside it is a little too much.
-            target = search.criterion(last.fit) + search.threshold
-            less = [refitted(search, model, target) for model in less]
+        # Beside one that was given up while it was only not the best, every effect would gain.
+        target = search.criterion(last.fit) + search.threshold if doubted or built else None
+        less = [model_without(search, known, last.fit, terms, target) for terms in groups]
         if built and (better := _from_shorter(search, last.fit, less, groups)):
             judged = judge(searched, [*judged.models[:-1], search.score_all(better)])
             continue
@@ -268,23 +266,27 @@ def with_gains(searched: Searched, judged: Judged, held_out: HeldOut) -> Judged:
         if not unclear:
             return _with_gain(judged, gains, unseen.gain_everywhere(bare, last))
         _, model = min(unclear, key=lambda each: each[0].low)
-        models = [*_before(judged.models, model.fit), model]
+        models = [*_before(judged.models, model.fit), search.scored(model)]
         judged = replace(judge(searched, models), shorter=tuple(shorter))
     return judged
 
 
 def _from_shorter(
-    search: Search, fit: Fit, less: Sequence[ScoredModel], groups: Sequence[Sequence[Term]]
+    search: Search, fit: Fit, less: Sequence[Linearised], groups: Sequence[Sequence[Term]]
 ) -> Fit | None:
     """A fit restarted from a clearly better one without some of its terms; None if there is none.
 
-    A model with fewer effects cannot cost less: it only ended in another minimum.
+    A model with fewer effects cannot cost less: it only ended in another minimum. Effects that are
+    not visible on top of that one are not fitted to it.
     """
     shorter, terms = min(zip(less, groups, strict=True), key=lambda each: each[0].fit.cost)
     if shorter.fit.cost > fit.cost - search.threshold:
         return None
-    begun = search.warm_start(shorter, (*shorter.fit.terms, *terms))
-    found = search.settled(search.fit_until(begun))
+    fitter, more = search.fitter, (*shorter.fit.terms, *terms)
+    promise = promised(fitter, shorter, fitter.with_terms(shorter.fit, more))
+    if promise.explained < sum(map(search.least_explained, terms)):
+        return None
+    found = search.settled(search.fit_until(search.warm_start(shorter, more)))
     return found if found.cost < fit.cost - search.threshold else None
 
 

@@ -93,12 +93,12 @@ class LeastSquaresSettings:
         its Jacobian is stale; and square of an always negligible error [sigma^2].
     """
 
-    shared_damping: tuple[float, ...] = (0.0, 0.1, 1.0, 10.0, 100.0, inf)
+    shared_damping: tuple[float, ...] = (0.0, 0.3, 10.0, inf)
     least_damping: float = 1e-4
     first_damping: float = 0.1
     most_damping: float = 1e4
     max_damping_with_new_jacobian: float = 1.0
-    damping_multipliers: tuple[float, ...] = (0.1, 1.0, 10.0)
+    damping_multipliers: tuple[float, ...] = (0.3, 3.0)
     steps: int = 3
     reuse_sensitivities_from: int = 12
     prediction_error_tolerance: float = 0.3
@@ -188,12 +188,15 @@ class NuisanceSettings:
         edges that contacts make in its cost.
       most_by_shaking: largest decrease of the cost by such moves [sigma^2]: 100 to 170 were seen, and a fit
         that is farther from its target is not moved.
+      least_shown: change of the recordings by a number's whole prior, beside initial states, below which its
+        sensitivities are not computed again: it cannot explain more than noise [sigma].
     """
 
     far_off: float = 2.0
     shakes: int = 3
     shake: float = 0.1
     most_by_shaking: float = 500.0
+    least_shown: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -297,28 +300,27 @@ class SelectionSettings:
 
     Attributes:
       shortlist: candidates that are fitted in each forward step.
-      share: of the best candidate's LM statistic that one needs to be fitted; and of the error at the first
-        estimates of the initial states, if no score promises as much of a fit's residual.
+      share: of what something must explain, that it must promise to be worth a fit: of the best candidate's
+        LM statistic; of the error at the first estimates of the initial states, if no score promises as much
+        of a fit's residual; of the threshold, in time steps shorter than a fit needs; and of what effects
+        alone explain less than a robot as built.
       screened: sizes tried at these, in typical sizes.
       per_family: places of one effect on the short list; number of other laws and of effects at one part
         beside it; and of further effects that are fitted with a size for each part, if an identified one has
         that.
-      more: ratio to the explanation by the best candidate, from which two of them, or all numbers of a robot
-        as built, are tried.
-      more_by_form: the same for another law, or an effect at one part alone.
+      more: ratio to the explanation by the best candidate, from which two of them, another law, an effect at
+        one part alone, or all numbers of a robot as built, are tried.
       pairs: number of best candidates that are scored two at a time.
       spread: standard deviation of the logarithm of the ratio between parts: most are within a factor of
         two.
       alone: smallest share of the largest part in the sum over all parts, for trying the effect there alone;
         factors are drawn to one, so that those of the others do not vanish.
       max_effects: in one answer; a search has twice as many steps.
-      least_share: fraction of an answer's residual beyond noise that another effect must promise to explain.
+      least_share: fraction of an answer's residual beyond noise that another effect must promise to explain,
+        and a first one in place of a robot as built.
       least_share_of_last: the same for the last allowed effect, without which the answer is incomplete
         anyway.
       by_chance: fraction of a fit's residual beyond noise that other initial states may explain as well.
-      max_rounds_to_target_of_last: `FitStoppingSettings.max_rounds_to_target` for the last allowed effect.
-      makes_good: fraction of the additional explanation by a robot as built that one more effect must reach
-        in its place.
       usually_off: standard deviations of a number of a robot as built, up to which an effect with the same
         change is no answer in addition to another one in place of these numbers.
       unlikely: probability that right numbers of a robot as built explain so much; below it they are
@@ -333,7 +335,6 @@ class SelectionSettings:
     screened: tuple[float, ...] = (-2.0, -1.0, 1.0, 2.0)
     per_family: int = 2
     more: float = 1.2
-    more_by_form: float = 1.2
     pairs: int = 25
     spread: float = 0.5
     alone: float = 0.4
@@ -341,8 +342,6 @@ class SelectionSettings:
     least_share: float = 0.2
     least_share_of_last: float = 0.4
     by_chance: float = 0.1
-    max_rounds_to_target_of_last: float = 1.0
-    makes_good: float = 0.5
     usually_off: float = 2.0
     unlikely: float = 1e-3
     as_built_shares: tuple[float, ...] = (0.125, 0.25, 0.5, 1.0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import chi2
@@ -65,13 +65,11 @@ def own_errors(fitter: Fitter, test: ScoreTest) -> OwnErrors | None:
     noisy = fitter.windows.noisy_in_each
     found = []
     for draw in np.moveaxis(draws, 2, 0):
-        residual = test.projection(draw[..., None])[:, 0]
-        noise = float(residual @ residual) / max(test.freedom, 1.0)
-        best = max(s.score for s in replace(test, residual=residual, noise=noise).scores())
-        left = test.whole(draw[..., None])[:, 0]
-        loud = float(left @ left) / max(test.freedom, 1.0)
-        correlation = sample_correlation(left, fitter.windows.measured.shape)
-        found.append((best, loud, correlation, loudest(left, noisy, test.freedom)))
+        there = test.at(draw)
+        best = max(score.score for score in there.scores())
+        loud = float(there.left @ there.left) / max(test.freedom, 1.0)
+        correlation = sample_correlation(there.left, fitter.windows.measured.shape)
+        found.append((best, loud, correlation, loudest(there.left, noisy, test.freedom)))
     quantile = fitter.settings.network.quantile
     return OwnErrors(*np.quantile(found, quantile, axis=0).tolist())
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from flywheel.diagnosis.checks.held_out import HeldOut, beyond_noise
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter, Jacobian
-from flywheel.diagnosis.selection.score_test import Projection, ScoredModel
+from flywheel.diagnosis.selection.score_test import Linearised, Projection
 from flywheel.records import Floats
 
 RESAMPLES = 4000
@@ -67,18 +67,16 @@ class UnseenWindows:
       seed: of the bootstrap.
     """
 
-    def __init__(
-        self, fitter: Fitter, first: ScoredModel, held_out: HeldOut, seed: int = 0
-    ) -> None:
+    def __init__(self, fitter: Fitter, first: Linearised, held_out: HeldOut, seed: int = 0) -> None:
         self._fitter, self._first, self._held_out, self._seed = fitter, first, held_out, seed
-        self._known: list[tuple[ScoredModel, Floats]] = []
+        self._known: list[tuple[Linearised, Floats]] = []
 
-    def gain(self, without: ScoredModel, model: ScoredModel) -> Gain:
+    def gain(self, without: Linearised, model: Linearised) -> Gain:
         """Gain of a model over one without some of its effects, on windows left out in turn."""
         first, less, more = (self._left_out(each) for each in (self._first, without, model))
         return _gain(first, less - more, 0, self._seed)
 
-    def gain_everywhere(self, simpler: ScoredModel, model: ScoredModel) -> Gain:
+    def gain_everywhere(self, simpler: Linearised, model: Linearised) -> Gain:
         """Gain of a model over a simpler one, or the initial one, including held-out windows.
 
         Relative to the better of the two there: the simpler one has numbers of a robot as built,
@@ -88,11 +86,11 @@ class UnseenWindows:
         better = min(first, less, key=lambda each: float(each.sum()))
         return _gain(first, better - more, len(first) - len(self._fitter.windows), self._seed)
 
-    def _everywhere(self, model: ScoredModel) -> Floats:
+    def _everywhere(self, model: Linearised) -> Floats:
         """(H + K,) squares of every held-out window, and of every fitted one, left out in turn."""
         return np.concatenate([self._held_out.squares(model.fit.terms), self._left_out(model)])
 
-    def _left_out(self, model: ScoredModel) -> Floats:
+    def _left_out(self, model: Linearised) -> Floats:
         """(K,) squares of every fitted window, left out in turn; computed once for each model."""
         for known, squares in self._known:
             if known is model:

@@ -387,12 +387,22 @@ class Fitter(ABC):
         return replace(fit, cache=replace(self.renewed(fit), kept=kept))
 
     def kept_anew(self, fit: Fit) -> Fit:
-        """A fit whose kept sensitivities are those at this fit."""
+        """A fit with its kept sensitivities computed anew, but for values that recordings hardly show."""
         if fit.kept is None:
             return fit
-        places = {key[:2] for key in fit.kept.keys}
-        terms = tuple(t for t in fit.terms if (t.effect.name, t.place) in places)
-        return self.keeping(fit, terms)
+        kept, cache = fit.kept, self.renewed(fit)
+        free = [f for f in self.free(fit.terms) if f.key(fit.terms) in kept.keys]
+        places = np.array([kept.keys[f.key(fit.terms)] for f in free])
+        bases = local_bases(cache.jacobian.by_local, self.local_prior)
+        own = kept.columns[..., places]
+        beside = bases[:, : own.shape[1]].swapaxes(1, 2) @ own
+        shown = np.sqrt((own**2).sum(axis=(0, 1)) - (beside**2).sum(axis=(0, 1)))
+        prior = np.array([f.prior for f in free])
+        again = shown * prior >= self.settings.nuisance.least_shown
+        columns = kept.columns.copy()
+        anew = [f for f, wanted in zip(free, again, strict=True) if wanted]
+        columns[..., places[again]] = self._by_value(fit, anew)
+        return replace(fit, cache=replace(cache, kept=replace(kept, columns=columns)))
 
     def _by_value(self, fit: Fit, free: Sequence[FreeParameter]) -> Floats:
         if not free:

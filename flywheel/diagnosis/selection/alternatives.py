@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
 from flywheel.diagnosis.fitting.least_squares import Fit
 from flywheel.diagnosis.selection.candidates import places
 from flywheel.diagnosis.selection.misspecification import probed
-from flywheel.diagnosis.selection.score_test import Score, ScoredModel
+from flywheel.diagnosis.selection.score_test import Linearised, Score, ScoredModel
 from flywheel.diagnosis.selection.search import Search, added, without
 from flywheel.effects import Term, alike
 
@@ -63,7 +63,7 @@ def exchanged(
     found: list[Fit] = []
     shorter: list[tuple[Term, ScoredModel]] = []
     for term in added(models):
-        model = model_without(search, models[:-1], last, [term])
+        model = search.scored(model_without(search, models[:-1], last, [term]))
         shorter.append((term, model))
         least = search.settings.rival * _own_statistic(model, term)
         for scores in (model.scores, model.probes):
@@ -84,40 +84,34 @@ def _own_statistic(model: ScoredModel, term: Term) -> float:
 
 
 def model_without(
-    search: Search, known: Sequence[ScoredModel], fit: Fit, terms: Sequence[Term]
-) -> ScoredModel:
-    """A fit without some of its terms: one of the known models, if possible."""
-    rest = tuple(term for term in fit.terms if term not in terms)
-    left = places(rest)
-    for model in reversed(known):
-        if places(model.fit.terms) == left:
-            return model
-    if len(terms) == 1:
-        return search.score_all(search.dropped(fit, terms[0]))
-    return search.score_all(search.fit_until(search.fitter.with_terms(fit, rest)))
-
-
-def refitted(search: Search, model: ScoredModel, target: float) -> ScoredModel:
-    """A model abandoned when it was clearly not the best, fitted further; its scores stay.
-
-    To its end; or, with numbers of a robot as built, whose fits take a minute, until it clearly
-    stays above the target.
+    search: Search,
+    known: Sequence[Linearised],
+    fit: Fit,
+    terms: Sequence[Term],
+    target: float | None = None,
+) -> Linearised:
+    """A fit without some of its terms: one of the known models, if possible.
 
     Args:
-      search: of the model.
-      model: abandoned one.
-      target: criterion from which on it would be as good.
+      search: of the models.
+      known: models.
+      fit: with the terms.
+      terms: to be left out.
+      target: criterion from which on the model would be as good. One that was abandoned when it was clearly
+        not the best is fitted further for it: to its end; or, with numbers of a robot as built, whose fits
+        take a minute, until it clearly stays above the target. None for a model as far as it was fitted.
     """
-    if not model.fit.terms:
-        return model
-    fitter, built = search.fitter, model.fit.kept is not None
-    fit = search.settled(model.fit, target) if built else search.fit_until(model.fit)
-    if fit is model.fit:
-        return model
-    jacobian = fitter.jacobian(fit)
-    return replace(
-        model, fit=fit, jacobian=jacobian, by_value=fitter.by_value(fit, fitter.free(fit.terms))
-    )
+    rest = tuple(term for term in fit.terms if term not in terms)
+    model = next((m for m in reversed(known) if places(m.fit.terms) == places(rest)), None)
+    if model is not None:
+        less = model.fit
+    elif len(terms) == 1:
+        less = search.dropped(fit, terms[0])
+    else:
+        less = search.fit_until(search.fitter.with_terms(fit, rest))
+    if target is not None and less.terms:
+        less = search.fit_until(less) if less.kept is None else search.settled(less, target)
+    return search.linearised(less) if model is None or less is not model.fit else model
 
 
 def _in_place(

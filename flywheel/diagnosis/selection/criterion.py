@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
-from flywheel.diagnosis.selection.score_test import Projection, ScoredModel
+from flywheel.diagnosis.selection.score_test import Linearised, Projection
 from flywheel.effects import Term
 
 
@@ -48,7 +48,7 @@ class Promise:
 
 
 def promised(
-    fitter: Fitter, model: ScoredModel, begun: Fit, shares: Sequence[float] = (1.0,)
+    fitter: Fitter, model: Linearised, begun: Fit, shares: Sequence[float] = (1.0,)
 ) -> Promise:
     """Promise of the terms that a fit has and a model has not.
 

@@ -15,19 +15,16 @@ from functools import partial
 import numpy as np
 
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
-from flywheel.diagnosis.fitting.nuisance import as_said
 from flywheel.diagnosis.selection.candidates import Candidate, families
 from flywheel.diagnosis.selection.criterion import Promise, promised
 from flywheel.diagnosis.selection.score_test import Score, ScoredModel, slices_of
 from flywheel.diagnosis.selection.search import Search, without
 from flywheel.effects import (
-    PerPart,
     Term,
     Terms,
     acts_on_same_parts,
     alike,
     at_largest_part,
-    at_same_size,
     parts_of,
     per_part_term,
     with_shares,
@@ -49,22 +46,6 @@ def in_other_forms(
     new = {family for family, _ in families(model.fit.terms)}
     for family in sorted(new - had):
         model = _in_best_form(search, model, family, rivals)
-    return model
-
-
-def with_even_sizes(search: Search, model: ScoredModel) -> ScoredModel:
-    """A model of a robot as built with sizes for each part set to one, if that explains nearly as much.
-
-    They were fitted before the numbers, for which they may have compensated.
-    """
-    for term in model.fit.terms:
-        if isinstance(term.effect, PerPart) and model.fit.kept is not None:
-            even = tuple(at_same_size(t) if t is term else t for t in model.fit.terms)
-            begun = search.fitter.with_terms(model.fit, as_said(even))
-            search.heartbeat(f"fitting {term.effect.name} of one size with numbers as built")
-            fit = search.settled(search.effects_first(begun))
-            if search.criterion(fit) - search.criterion(model.fit) <= search.threshold:
-                model = search.score_all(fit)
     return model
 
 
@@ -178,8 +159,7 @@ def _per_part(search: Search, model: ScoredModel, family: str) -> Fit | None:
     promise = promised_per_part(search, model, others, term)
     if promise is None or (promise.explained < search.threshold and term.place is None):
         return None
-    numbers, more = search.promised_as_built(model), search.settings.more
-    if numbers is not None and numbers.explained > more * promise.explained:
+    if search.promised_as_built(model, search.settings.more * promise.explained) is not None:
         return None
     *_, uneven = promise.fit.terms
     search.heartbeat(f"fitting {term.effect.name} {uneven.effect.form}")

@@ -49,7 +49,7 @@ def promising_forms(search: Search, model: ScoredModel) -> list[Score]:
     Effects at one part alone, which need simulations, are only tested if so much is left.
     """
     settings, asked = search.settings, {each.effect.family for each in search.library}
-    least = settings.more_by_form * model.scores[0].statistic
+    least = settings.more * model.scores[0].statistic
     forms = [each for each in model.probes if each.candidate.effect.form]
     found = [each for each in forms if each.candidate.effect.family in asked]
     if least < model.beyond_noise:

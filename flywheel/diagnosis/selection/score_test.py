@@ -217,6 +217,12 @@ class ScoreTest:
         square = self.left_noise * windows.sigma**2 - windows.noise**2
         return float(np.sqrt(max(0.0, square)))
 
+    def at(self, residual: Floats) -> ScoreTest:
+        """The same sensitivities with residuals (K, D) of another fit nearby, without values with a prior."""
+        own, left = (each(residual[..., None])[:, 0] for each in (self.projection, self.whole))
+        noise = float(own @ own) / max(self.freedom, 1.0)
+        return replace(self, residual=own, noise=noise, left=left)
+
     def scores(self, residual: Floats | None = None) -> list[Score]:
         """The score of every candidate, in order; for another residual if one is given."""
         r = self.residual if residual is None else residual
@@ -247,21 +253,30 @@ class ScoreTest:
 
 
 @dataclass(frozen=True)
-class ScoredModel:
-    """A fitted model, and the score of every candidate on top of it.
+class Linearised:
+    """A fitted model, and its sensitivities.
 
     Attributes:
       fit: the model.
       jacobian: around it.
       by_value: (K, D, n) its sensitivities to its values; None without any.
-      test: of every candidate and every probe.
-      scores: of every candidate, best first.
-      probes: of every probe; see `misspecification`.
     """
 
     fit: Fit
     jacobian: Jacobian
     by_value: Floats | None
+
+
+@dataclass(frozen=True)
+class ScoredModel(Linearised):
+    """A fitted model, and the score of every candidate on top of it.
+
+    Attributes:
+      test: of every candidate and every probe.
+      scores: of every candidate, best first.
+      probes: of every probe; see `misspecification`.
+    """
+
     test: ScoreTest
     scores: tuple[Score, ...]
     probes: tuple[Score, ...]

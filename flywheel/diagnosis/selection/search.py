@@ -14,7 +14,13 @@ from flywheel.diagnosis.fitting.stopping import out_of_reach
 from flywheel.diagnosis.heartbeat import Heartbeat
 from flywheel.diagnosis.selection.candidates import Candidate, places
 from flywheel.diagnosis.selection.criterion import Promise, criterion, promised
-from flywheel.diagnosis.selection.score_test import Prior, Score, ScoredModel, score_test
+from flywheel.diagnosis.selection.score_test import (
+    Linearised,
+    Prior,
+    Score,
+    ScoredModel,
+    score_test,
+)
 from flywheel.diagnosis.settings import SelectionSettings
 from flywheel.diagnosis.statistics import chance
 from flywheel.effects import Term, Terms, handed_back, handed_over
@@ -47,18 +53,27 @@ class Search:
     seed: int = 0
     heartbeat: Heartbeat = field(default_factory=Heartbeat)
 
-    def score_all(self, fit: Fit, jacobian: Jacobian | None = None) -> ScoredModel:
-        """Score all candidates and probes on top of a model, whose Jacobian may be available."""
-        fitter = self.fitter
+    def linearised(self, fit: Fit, jacobian: Jacobian | None = None) -> Linearised:
+        """A model with its sensitivities; its Jacobian may be available."""
+        fitter, free = self.fitter, self.fitter.free(fit.terms)
         jacobian = jacobian or fitter.jacobian(fit)
         fit = replace(fit, cache=replace(fitter.cached(jacobian), kept=fit.kept))
-        free = fitter.free(fit.terms)
-        by_value = fitter.by_value(fit, free) if free else None
+        return Linearised(fit, jacobian, fitter.by_value(fit, free) if free else None)
+
+    def score_all(self, fit: Fit, jacobian: Jacobian | None = None) -> ScoredModel:
+        """Score all candidates and probes on top of a model, whose Jacobian may be available."""
+        return self.scored(self.linearised(fit, jacobian))
+
+    def scored(self, model: Linearised) -> ScoredModel:
+        """Score all candidates and probes on top of a model, unless that was done."""
+        if isinstance(model, ScoredModel):
+            return model
+        fitter, fit, by_value = self.fitter, model.fit, model.by_value
         numerics = fitter.step_error(fit)
         known = numerics if by_value is None else np.concatenate([numerics, by_value], axis=2)
         everything = (*self.library, *self.probes)
-        prior = [Prior(f.value(fit.terms), f.prior) for f in free]
-        settings = self.settings.score
+        prior = [Prior(f.value(fit.terms), f.prior) for f in fitter.free(fit.terms)]
+        settings, jacobian = self.settings.score, model.jacobian
         test = score_test(fitter, fit, everything, known, jacobian, settings, prior, self.threshold)
         self.heartbeat(f"scored {len(self.library)} candidates on top of {len(fit.terms)} effects")
         return self.ranked(ScoredModel(fit, jacobian, by_value, test, (), ()))
@@ -150,7 +165,7 @@ class Search:
         free = self.fitter.free(fit.terms)
         return self.fitter.fit(self.fitter.kept_anew(fit), free, rounds=rounds)
 
-    def warm_start(self, model: ScoredModel, terms: Terms) -> Fit:
+    def warm_start(self, model: Linearised, terms: Terms) -> Fit:
         """A model with other terms, before anything else is fitted to them.
 
         Its initial states are the model's, or as first estimated. Uncertain numbers start at their
@@ -229,11 +244,11 @@ class Search:
         """Smallest visible explanation by a term [sigma^2]."""
         return self.threshold * chance(len(term.effect.sizes), self.threshold)
 
-    def promised_as_built(self, model: ScoredModel) -> Promise | None:
+    def promised_as_built(self, model: ScoredModel, least: float) -> Promise | None:
         """Promise of all numbers of a robot, each slightly off, on top of a model.
 
-        None if they are no candidates, or in the model, or nothing is left. The tolerances of a robot are
-        not known beforehand: of several fractions of the standard deviations the most likely one is used.
+        None if they are no candidates, or in the model, or explain less than that. The tolerances of a robot
+        are not known beforehand: of several fractions of the standard deviations the most likely one is used.
         With too wide priors the numbers cost more than they explain, and single effects would be named
         instead.
         """
@@ -242,7 +257,8 @@ class Search:
             return None
         begun = fitter.with_terms(fit, (*fit.terms, *self.as_built))
         begun = fitter.keeping(begun, self.as_built)
-        return promised(fitter, model, begun, self.settings.as_built_shares)
+        promise = promised(fitter, model, begun, self.settings.as_built_shares)
+        return promise if promise.explained >= least else None
 
     def known_share(self, fit: Fit) -> float:
         """The fraction of the usual standard deviations in a fit with numbers of a robot as built."""

@@ -15,11 +15,7 @@ from flywheel.diagnosis.fitting.nuisance import asked
 from flywheel.diagnosis.fitting.refinement import in_other_steps, shorter_steps
 from flywheel.diagnosis.heartbeat import Interrupted
 from flywheel.diagnosis.selection.candidates import places
-from flywheel.diagnosis.selection.other_forms import (
-    in_other_forms,
-    promised_per_part,
-    with_even_sizes,
-)
+from flywheel.diagnosis.selection.other_forms import in_other_forms, promised_per_part
 from flywheel.diagnosis.selection.proposals import proposals
 from flywheel.diagnosis.selection.score_test import ScoredModel
 from flywheel.diagnosis.selection.search import Search, added
@@ -68,8 +64,14 @@ def _in_shortest_steps(
     finer, fit = shorter_steps(fitter, fit, fitter.free(fit.terms), tolerated)
     if finer is fitter:
         return search, models
-    search = replace(search, fitter=finer)
-    search, further = _forward(search, search.score_all(search.unstuck(search.fit_until(fit))))
+    search, last = replace(search, fitter=finer), models[-1]
+    fit = search.unstuck(search.fit_until(fit))
+    if not any(term.known for term in fit.terms):
+        # What such steps change is the residual; sensitivities tell whether it is worth others.
+        again = search.ranked(replace(last, fit=fit, test=last.test.at(fit.residual)))
+        if again.scores[0].score < search.settings.share * search.threshold:
+            return search, [*models[:-1], again]
+    search, further = _forward(search, search.score_all(fit))
     # A plant whose own effects had other values is still the first model.
     return search, [*models[:-1], *further]
 
@@ -78,12 +80,6 @@ def in_time_steps(search: Search, fit: Fit) -> tuple[Search, Fit]:
     """A fit in sufficiently short time steps, continued if they differ."""
     finer, fit = _in_shorter_steps(search, fit)
     return (finer, fit) if finer is search else (finer, finer.unstuck(finer.fit_until(fit)))
-
-
-def _without_numbers(terms: Terms, numbers: Terms) -> Terms:
-    """Terms without those of some effects and places."""
-    left_out = places(numbers)
-    return tuple(term for term in terms if (term.effect.name, term.place) not in left_out)
 
 
 def deduplicated(fits: Sequence[Fit]) -> list[Fit]:
@@ -145,11 +141,9 @@ def _step(search: Search, models: Sequence[ScoredModel]) -> tuple[Search, list[S
     if built or (same and (len(models) > 1 or not _has_other_values(search, first, better))):
         models.pop()
     model = search.score_all(search.settled(better))
-    spared = partial(search.heartbeat.spared, what="other forms of an effect")
-    if built:
-        model = spared(partial(with_even_sizes, search, model), model)
     rivals = search.shortlist(last)[: settings.per_family + 1]
-    model = spared(partial(in_other_forms, search, last, model, rivals), model)
+    formed = partial(in_other_forms, search, last, model, rivals)
+    model = search.heartbeat.spared(formed, model, "other forms of an effect")
     return search, [*models, model], True
 
 
@@ -165,22 +159,34 @@ def _as_given(
     first, last = models[0], models[-1]
     alone = replace(search, as_built=())
     limit = search.criterion(last.fit)
-    effects = _without_numbers(last.fit.terms, search.as_built)
+    effects = tuple(t for t in last.fit.terms if not places((t,)) <= places(search.as_built))
+    known = [each for each in models if places(each.fit.terms) == places(effects)]
+    if known and not _may_make_good(alone, known[-1], limit):
+        return None
     begun = search.fitter.warm_start(replace(last.fit, cache=None), effects)
     model = alone.score_all(alone.fit_until(begun))
     room = len(asked(first.fit.terms)) + search.settings.max_effects - len(asked(effects))
     while (missing := alone.criterion(model.fit) - limit) >= 0.0:
-        best = model.scores[0]
-        if room < 1 or best.score < search.threshold:
+        if room < 1 or not _may_make_good(alone, model, limit):
             return None
+        best = model.scores[0]
         term = best.candidate.term(best.sizes, best.shape)
         more = alone.fit_until(alone.warm_start(model, (*model.fit.terms, term)))
-        gained = alone.criterion(model.fit) - alone.criterion(more)
-        if gained < search.settings.makes_good * missing:
+        if alone.criterion(model.fit) - alone.criterion(more) < search.settings.share * missing:
             return None
         model, room = alone.score_all(more), room - 1
     alone, models = _forward(alone, model, first)
     return None if _numbers_are_needed(search, models, last) else (alone, models)
+
+
+def _may_make_good(search: Search, model: ScoredModel, limit: float) -> bool:
+    """True if the best candidate promises a part of what a model needs to reach a criterion.
+
+    A small one beside no effect, whose linearisation says little of a large effect.
+    """
+    best, missing = model.scores[0], search.criterion(model.fit) - limit
+    share = search.settings.share if asked(model.fit.terms) else search.settings.least_share
+    return missing < 0.0 or (best.score >= search.threshold and best.statistic >= share * missing)
 
 
 def _numbers_are_needed(search: Search, alone: Sequence[ScoredModel], last: ScoredModel) -> bool:
@@ -203,10 +209,10 @@ def _as_built(search: Search, model: ScoredModel) -> ScoredModel | None:
 
     Nor if the model has these numbers already, or they are not worth their price.
     """
-    promise = search.promised_as_built(model)
     more = search.settings.more
     best = max(score.statistic for score in (*model.scores, *model.probes))
-    if promise is None or promise.explained < max(search.threshold, more * best):
+    promise = search.promised_as_built(model, max(search.threshold, more * best))
+    if promise is None:
         return None
     short = search.shortlist(model)
     terms = (score.candidate.term(score.sizes, score.shape) for score in short)
@@ -245,10 +251,7 @@ def _next(search: Search, model: ScoredModel, room: int) -> tuple[Search, Fit | 
         return search, None
     if model.fit.kept is not None:
         fits = _with_sensitivities_of_best(search, fits)
-    stopping = search.fitter.settings.stopping
-    last = search.settings.max_rounds_to_target_of_last
-    max_rounds = stopping.max_rounds_to_target if room > 1 else last
-    search, (first, *others) = _fitted_in_turn(search, fits, max_rounds)
+    search, (first, *others) = _fitted_in_turn(search, fits)
     less = partial(search.pruned, first, (model.fit, *others))
     return search, heartbeat.spared(less, first, "models without an effect")
 
@@ -277,9 +280,7 @@ def _with_sensitivities_of_best(search: Search, fits: Sequence[Fit]) -> list[Fit
     ]
 
 
-def _fitted_in_turn(
-    search: Search, begun: Sequence[Fit], max_rounds: float | None = None
-) -> tuple[Search, list[Fit]]:
+def _fitted_in_turn(search: Search, begun: Sequence[Fit]) -> tuple[Search, list[Fit]]:
     """Several models, each fitted as long as it may become the best; the best one first.
 
     Initial states that had to compensate for a wrong model recover slowly: after a few rounds the
@@ -289,7 +290,6 @@ def _fitted_in_turn(
       search: its state.
       begun: the most promising one first. If it is not ahead, windows of it may be stuck, or its
         steps too long, which is mended before anything else.
-      max_rounds: see `Search.fit_until`.
     """
     favourite, *others = deduplicated(begun)
     if any(search.criterion(fit) < search.criterion(favourite) for fit in others):
@@ -301,7 +301,7 @@ def _fitted_in_turn(
     ended: list[Fit] = []
     for fit in (first, *others):
         target = min(map(search.criterion, ended), default=math.inf)
-        on = partial(search.fit_until, target=target, max_rounds=max_rounds, slight=slight)
+        on = partial(search.fit_until, target=target, slight=slight)
         ended += search.heartbeat.each(on, [fit], _named)
     best, *beaten = sorted(ended, key=search.criterion)
     search, best = in_time_steps(search, search.unstuck(best))

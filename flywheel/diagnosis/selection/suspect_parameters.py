@@ -9,7 +9,7 @@ from typing import Any
 from flywheel.diagnosis.fitting.least_squares import Fit
 from flywheel.diagnosis.fitting.nuisance import asked
 from flywheel.diagnosis.selection.candidates import candidates
-from flywheel.diagnosis.selection.score_test import Score, ScoredModel, sensitivities, slices_of
+from flywheel.diagnosis.selection.score_test import Score, ScoredModel, further_scores
 from flywheel.diagnosis.selection.search import Search, added
 from flywheel.effects import CALIBRATIONS, EFFECTS, Term
 
@@ -158,16 +158,10 @@ def _scores(search: Search, model: ScoredModel, also_candidates: bool = False) -
         for name, each in CALIBRATIONS.items()
         if name not in had and each.where == "robot"
     }
-    numbers, test = candidates(fitter.windows.robot, library), model.test
+    numbers = candidates(fitter.windows.robot, library)
     if not numbers:
         return []
     fit = fitter.with_terms(
         model.fit, model.fit.terms
     )  # in the time steps that the fitter has by now
-    columns, shorter = sensitivities(
-        fitter, fit, numbers, test.projection, test.residual, search.settings.score
-    )
-    of_numbers = replace(
-        test, candidates=numbers, columns=columns, shorter=shorter, slices=slices_of(numbers)
-    )
-    return of_numbers.scores()
+    return further_scores(fitter, fit, model.test, numbers, search.settings.score)

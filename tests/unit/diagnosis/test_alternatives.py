@@ -47,11 +47,11 @@ def test_an_effect_is_exchanged_on_the_latest_model_without_it_or_on_a_new_fit()
     found = Term(EFFECTS["cable_damping"], None, (500.0,))
     models = [model_of(had), model_of(moved), model_of(moved, found)]
     search: Any = SimpleNamespace(
-        score_all=lambda fit: ("scored", fit), dropped=lambda fit, term: term
+        linearised=lambda fit: ("linearised", fit), dropped=lambda fit, term: term
     )
     last = models[-1].fit
     assert alternatives.model_without(search, models[:-1], last, [found]) is models[1]
-    assert alternatives.model_without(search, models[:-1], last, [moved]) == ("scored", moved)
+    assert alternatives.model_without(search, models[:-1], last, [moved]) == ("linearised", moved)
 
 
 @pytest.mark.slow
@@ -228,6 +228,7 @@ def test_where_a_model_is_wrong_anyway_an_effect_has_to_gain_something_elsewhere
         criterion=lambda fit: fit.cost,
         settled=lambda fit, target: fit,
         fit_until=lambda fit: fit,
+        scored=lambda model: model,
         share=lambda fit, less, term: share if term is terms["b"] else 9.0,
     )
     searched: Any = SimpleNamespace(search=search, limits=SimpleNamespace(least_share=0.1))
@@ -242,9 +243,16 @@ def test_where_a_model_is_wrong_anyway_an_effect_has_to_gain_something_elsewhere
     )  # of both together, this double says that of b
 
 
-@pytest.mark.parametrize(("less", "ends"), [(60.0, 50.0), (90.0, None), (60.0, 80.0)])
-def test_a_model_that_costs_more_than_one_without_an_effect_begins_where_that_ended(less, ends):
-    """One that costs 100 begins anew where one without its effect clearly ended lower; so it has to end."""
+@pytest.mark.parametrize(
+    ("less", "promised", "ends"),
+    [(60.0, 99.0, 50.0), (90.0, 99.0, None), (60.0, 20.0, None), (60.0, 99.0, 80.0)],
+)
+def test_a_model_that_costs_more_than_one_without_an_effect_begins_where_that_ended(
+    monkeypatch: pytest.MonkeyPatch, less: float, promised: float, ends: float | None
+) -> None:
+    """One that costs 100 begins anew where one without its effect clearly ended lower, and where the
+    effect is visible beside that; so it has to end.
+    """
     term = Term(EFFECTS["winch_gain"], None, (0.1,))
     begun: list[Any] = []
 
@@ -253,8 +261,15 @@ def test_a_model_that_costs_more_than_one_without_an_effect_begins_where_that_en
         return SimpleNamespace(cost=ends)
 
     search: Any = SimpleNamespace(
-        threshold=25.0, warm_start=warm_start, fit_until=lambda fit: fit, settled=lambda fit: fit
+        threshold=25.0,
+        fitter=SimpleNamespace(with_terms=lambda fit, terms: fit),
+        least_explained=lambda term: 25.0,
+        warm_start=warm_start,
+        fit_until=lambda fit: fit,
+        settled=lambda fit: fit,
     )
+    explained = SimpleNamespace(explained=promised)
+    monkeypatch.setattr(conclusion, "promised", lambda *_: explained)
     shorter, worse = (SimpleNamespace(fit=SimpleNamespace(terms=(), cost=c)) for c in (less, 99.0))
     fit: Any = SimpleNamespace(terms=(term,), cost=100.0)
     found = conclusion._from_shorter(search, fit, [worse, shorter], [[], [term]])

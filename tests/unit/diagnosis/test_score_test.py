@@ -456,6 +456,14 @@ def test_scores_and_smallest_sizes_are_those_of_the_threshold_of_the_test(case: 
             assert after.smallest / before.smallest == pytest.approx(7.645 / 6.645)
 
 
+def test_the_same_sensitivities_score_the_residual_of_another_fit(case: Case) -> None:
+    test = case.test()
+    again = test.at(case.fit.residual)
+    assert [s.score for s in again.scores()] == pytest.approx([s.score for s in test.scores()])
+    assert (again.noise, again.left_noise) == pytest.approx((test.noise, test.left_noise))
+    assert test.at(2.0 * case.fit.residual).noise == pytest.approx(4.0 * test.noise)
+
+
 def test_a_model_is_ranked_anew_where_the_threshold_has_risen(case: Case) -> None:
     """As it does by what a trained model does wrong by itself."""
     jacobian = Jacobian(case.model.by_local, case.model.by_winch)

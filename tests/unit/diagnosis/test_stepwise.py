@@ -14,7 +14,7 @@ from flywheel.diagnosis.fitting.plant_fit import PlantFitter
 from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.diagnosis.selection.candidates import candidates
 from flywheel.diagnosis.selection.search import Search
-from flywheel.diagnosis.selection.stepwise import _fitted_in_turn, _forward, _next
+from flywheel.diagnosis.selection.stepwise import _fitted_in_turn, _forward
 from flywheel.diagnosis.settings import FitStoppingSettings, SelectionSettings
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import NAMED, Term
@@ -77,44 +77,6 @@ def test_nothing_is_added_that_explains_next_to_nothing_of_what_is_left(robot, s
     assert models["right"].promises(*asked), seed
     assert models["right"].scores[0].candidate.effect is gain, seed
     assert not models["wrong"].promises(*asked), seed
-
-
-@pytest.mark.parametrize(("room", "finds"), [(1, False), (SELECTION.max_effects, True)])
-def test_models_with_the_last_effect_that_may_be_added_are_given_up_sooner(
-    robot: Robot, seed: int, monkeypatch, room: int, finds: bool
-) -> None:
-    """One that comes nearer by 0.6 of the last round's fall in each, until it is just the better one."""
-    hidden = (Term(NAMED["winch_gain"], None, (0.3,)),)
-    fitter = fitter_of(
-        Windows.cut(robot, [recorded(robot, hidden, seed)], seconds=0.4), Plant(robot)
-    )
-    library = candidates(robot, {"winch_gain": hidden[0].effect})
-    search = Search(fitter, library, 25.0)
-    model = search.score_all(fitted(fitter))
-    asked: list[float] = []
-
-    def in_turn(search, begun, max_rounds):
-        asked.append(max_rounds)
-        return search, list(begun)
-
-    monkeypatch.setattr(f"{STEPWISE}._fitted_in_turn", in_turn)
-    _next(search, model, room)
-    (max_rounds,) = asked
-    assert max_rounds == (
-        STOPPING.max_rounds_to_target if finds else SELECTION.max_rounds_to_target_of_last
-    )
-
-    fall = float(np.random.default_rng(seed).uniform(50.0, 500.0))
-    falls = [fall * 0.6**number for number in range(10)]
-    target = search.criterion(model.fit) - 0.99 * sum(falls)
-
-    def fit(before: Fit, free, rounds: int, enough: float) -> Fit:
-        del free, rounds, enough
-        return replace(before, cost=before.cost - falls.pop(0))
-
-    monkeypatch.setattr(fitter, "fit", fit)
-    other = search.fit_until(replace(model.fit, converged=False), target, max_rounds)
-    assert (search.criterion(other) < target) == finds, seed
 
 
 def test_a_model_that_is_clearly_wrong_is_not_fitted_to_the_last_digit(robot, seed, monkeypatch):

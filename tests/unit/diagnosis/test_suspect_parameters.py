@@ -12,7 +12,7 @@ from flywheel.diagnosis.fitting.model import fitted, fitter_of
 from flywheel.diagnosis.fitting.nuisance import unsure_terms
 from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.diagnosis.selection.candidates import candidates
-from flywheel.diagnosis.selection.score_test import ScoredModel, sensitivities
+from flywheel.diagnosis.selection.score_test import ScoredModel, further_scores
 from flywheel.diagnosis.selection.search import Search
 from flywheel.diagnosis.selection.suspect_parameters import (
     SuspectParameter,
@@ -119,9 +119,9 @@ def test_it_is_asked_in_the_time_steps_of_the_end(stiffer, monkeypatch):
     def observed(fitter: Fitter, fit: Fit, *rest: Any) -> Any:
         assert fitter is finer
         costs.append(fit.cost)
-        return sensitivities(fitter, fit, *rest)
+        return further_scores(fitter, fit, *rest)
 
-    path = "flywheel.diagnosis.selection.suspect_parameters.sensitivities"
+    path = "flywheel.diagnosis.selection.suspect_parameters.further_scores"
     monkeypatch.setattr(path, observed)
     _scores(Search(finer, search.library, 25.0), model)
     assert costs == [pytest.approx(finer.with_terms(model.fit, model.fit.terms).cost, rel=1e-9)]
