@@ -17,7 +17,7 @@ import numpy as np
 
 from benchmarks.rows import RESULTS, other_rows, write_rows
 from flywheel.control import Gait, RandomControls, random_drop
-from flywheel.control.gaits import PATTERNS
+from flywheel.control.gaits import FORWARDS
 from flywheel.dynamics.plant import Plant, PlantParameters, StepStudy
 from flywheel.dynamics.plant.refined import with_steps
 from flywheel.errors import ModelError
@@ -132,9 +132,9 @@ def dropped_motions(plant: Plant, count: int) -> Motions:
 
 def gait_motions(plant: Plant, count: int) -> Motions:
     """Pieces of gaits, by the commands that the gaits gave."""
-    steps, each = round(SECONDS / DT), -(-count // len(PATTERNS))
+    steps, each = round(SECONDS / DT), -(-count // len(FORWARDS))
     begun, told = [], []
-    for pattern in PATTERNS:
+    for pattern in FORWARDS:
         gait, state = Gait(plant.robot, pattern, DT), plant.settle(1.0)
         for _ in range(each):
             begun.append(state)

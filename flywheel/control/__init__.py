@@ -7,7 +7,14 @@ from flywheel.control.mppi import Mppi
 from flywheel.control.mppi_config import MppiConfig
 from flywheel.control.open_loop import Hold, Playback, RandomControls
 from flywheel.control.protocol import Command, Controller, EpisodeOrder
-from flywheel.control.starts import above_ground, random_drop, refuse_fixed, standing, thrown
+from flywheel.control.starts import (
+    above_ground,
+    by_a_box,
+    random_drop,
+    refuse_fixed,
+    standing,
+    thrown,
+)
 
 CONTROLLERS = {
     "hold": Hold,
@@ -31,6 +38,7 @@ __all__ = [
     "Playback",
     "RandomControls",
     "above_ground",
+    "by_a_box",
     "random_drop",
     "record_episode",
     "refuse_fixed",

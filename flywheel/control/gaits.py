@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,18 +23,22 @@ class Pattern:
       targets: sequence of relative cable lengths; 0 is `shortest`, 1 is `shortest + range` [-].
       shortest: [m].
       range: [m].
+      from_behind: the robot's other end counts as its front, so that it goes the other way.
     """
 
     targets: tuple[tuple[float, ...], ...]
     shortest: float
     range: float
+    from_behind: bool = False
 
 
-PATTERNS = {
+FORWARDS = {
     "roll": Pattern(((1, 1, 0.1, 1, 1, 0.1), (0, 1, 1, 0, 1, 0.1)), 0.9, 1.0),
     "cw": Pattern(((1, 1, 0, 0, 0, 0), (0, 1, 0, 0, 0, 0), (0, 1, 1, 0, 0.8, 0)), 0.8, 1.2),
     "ccw": Pattern(((1, 1, 1, 0, 1, 1), (1, 0, 1, 0, 1, 1), (0, 0, 0, 0, 0, 0)), 1.0, 1.0),
 }
+BACKWARDS = {f"{name}_back": replace(it, from_behind=True) for name, it in FORWARDS.items()}
+PATTERNS = FORWARDS | BACKWARDS
 
 TURNING = ("cw", "ccw")
 
@@ -47,6 +51,9 @@ SIDES: dict[tuple[int, ...], tuple[int, ...]] = {
     (0, 3, 4): (2, 0, 1, 5, 3, 4),
     (1, 3, 4): (2, 0, 1, 5, 3, 4),
 }
+
+# The robot also looks the same with each cap called like this one; its cables come in reverse order then.
+BEHIND = (1, 0, 5, 4, 3, 2)
 
 # The two caps whose distance each winch controls.
 PAIRS = ((3, 5), (1, 3), (1, 5), (0, 2), (0, 4), (2, 4))
@@ -68,7 +75,7 @@ class Gait:
 
     Args:
       robot: prism3, or a robot with the same caps and winches.
-      pattern: "roll", "cw" or "ccw".
+      pattern: as in `PATTERNS`.
       dt: control step [s].
       cycles: of the pattern, followed by rest; None to repeat without end.
       variation: largest random deviation of a target's lengths, drawn for every target [-]. Without
@@ -144,9 +151,14 @@ class Gait:
         if step == 0 or step == self._last:
             return self._reach_for(np.array(REST))
         if in_cycle == 0:
-            down = tuple(sorted(int(i) for i in np.argsort(self.points[:, 2])[:3]))
-            self._side = SIDES.get(down, self._side)
+            self._side = self._side_down() or self._side
         return self._reach_for(np.array(self.pattern.targets[in_cycle])[list(self._side)])
+
+    def _side_down(self) -> tuple[int, ...] | None:
+        """As in `SIDES`, with the robot's front at its end; None on any other caps."""
+        down, back = np.argsort(self.points[:, 2])[:3], self.pattern.from_behind
+        side = SIDES.get(tuple(sorted(BEHIND[i] if back else int(i) for i in down)))
+        return side[::-1] if side and back else side
 
     def _reach_for(self, wanted: Floats) -> Reach:
         off = self._rng.uniform(-self.variation, self.variation, len(wanted))

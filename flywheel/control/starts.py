@@ -1,12 +1,14 @@
-"""Initial states of episodes: dropped or thrown from above, in any orientation, or standing somewhere."""
+"""Initial states of episodes: dropped or thrown in any orientation, standing somewhere, or by a box."""
 
 from __future__ import annotations
+
+from itertools import combinations
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from flywheel.dynamics.plant import Plant
-from flywheel.errors import RobotError
+from flywheel.errors import ConfigError, RobotError
 from flywheel.records import Floats, State
 from flywheel.robots import GRAVITY, Robot
 from flywheel.rotations import conjugate, rotate
@@ -18,6 +20,11 @@ FLIGHT, SPIN = (
     0.5,
     1.0,
 )  # of throws, standard deviation in each direction [sqrt(g L)], [sqrt(g / L)]
+
+ATTEMPTS = 200  # draws of a place beside a box
+NEAR = 0.5  # largest distance of such a place from the box, seen from above [robot lengths]
+LIFTS = np.linspace(0.0, 1.0, 21)  # tried in turn, until a robot touches no box [robot lengths]
+BETWEEN = np.linspace(0.0, 1.0, 16)  # places between two tracked points that touch no box
 
 
 def random_drop(plant: Plant, rng: np.random.Generator, n: int) -> State:
@@ -86,6 +93,36 @@ def standing(plant: Plant, state: State, place: Floats, turn: float) -> State:
     pose[..., :2] += place
     pose[..., 2] += center[..., 2]
     return State(pose.reshape(1, -1), np.zeros_like(state.qvel), state.act)
+
+
+def by_a_box(plant: Plant, state: State, rng: np.random.Generator) -> State:
+    """A robot (1,) at rest, moved beside, below or onto a random box, and turned about the vertical.
+
+    It is lifted until it touches no box: its tracked points, and the lines between them.
+
+    Raises:
+      ConfigError: no place was found, or there is no box.
+      RobotError: the robot is attached to something fixed.
+    """
+    robot, boxes = plant.robot, () if plant.terrain is None else plant.terrain.boxes
+    pairs = np.array(list(combinations(range(len(robot.points)), 2))).T
+    radius = max(point.radius for point in robot.points)
+    for _ in range(ATTEMPTS if boxes else 0):
+        corners = boxes[rng.integers(len(boxes))].corners[:, :2]
+        margin = NEAR * robot.length
+        place = rng.uniform(corners.min(axis=0) - margin, corners.max(axis=0) + margin)
+        put = above_ground(plant, standing(plant, state, place, rng.uniform(-np.pi, np.pi)))
+        first, second = plant.observe(put).points[0][pairs]
+        lines = first + BETWEEN[:, None, None] * (second - first)
+        for lift in LIFTS * robot.length:
+            gaps = [np.maximum(box.beyond(lines + [0, 0, lift]), 0.0) for box in boxes]
+            if np.linalg.norm(gaps, axis=-1).min() > radius:
+                pose = put.qpos.reshape(1, len(robot.bodies), FREE_JOINT).copy()
+                pose[..., 2] += lift
+                return State(pose.reshape(1, -1), put.qvel, put.act)
+    raise ConfigError(
+        f"{robot.name} could not be placed by one of {len(boxes)} boxes in {ATTEMPTS} attempts."
+    )
 
 
 def refuse_fixed(robot: Robot) -> None:

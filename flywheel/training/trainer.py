@@ -25,6 +25,7 @@ from flywheel.dynamics.gnn import (
     fit_normalisation,
     load_weights,
     save_weights,
+    seeing,
     weights_digest,
     widen_winches,
 )
@@ -185,7 +186,8 @@ class Trainer:
 
     def _first_network(self) -> ChunkNetwork:
         if self._initial_weights is not None:
-            network = load_weights(self._initial_weights, self._robot)
+            given = load_weights(self._initial_weights, self._robot)
+            network = seeing(given, self._robot, self._network_config.surfaces)
             if network.config != self._network_config:
                 raise ConfigError(
                     f"The weights in {self._initial_weights} are of another network: "

@@ -8,7 +8,7 @@ from flywheel.dynamics.gnn.learned import LearnedDynamics
 from flywheel.dynamics.gnn.network import ChunkNetwork
 from flywheel.dynamics.gnn.normalisation import fit_normalisation, widen_winches
 from flywheel.dynamics.gnn.simulator import Simulator
-from flywheel.dynamics.gnn.weights import load_weights, save_weights, weights_digest
+from flywheel.dynamics.gnn.weights import load_weights, save_weights, seeing, weights_digest
 
 __all__ = [
     "Batch",
@@ -22,6 +22,7 @@ __all__ = [
     "ground_of",
     "load_weights",
     "save_weights",
+    "seeing",
     "weights_digest",
     "widen_winches",
 ]

@@ -117,6 +117,14 @@ def load_weights(path: Path | str, robot: Robot) -> ChunkNetwork:
     return network_from_arrays(robot, config, arrays)
 
 
+def seeing(network: ChunkNetwork, robot: Robot, surfaces: int) -> ChunkNetwork:
+    """The same weights with contact edges to another number of surfaces: all of these edges share theirs."""
+    if network.config.surfaces == surfaces:
+        return network
+    config = network.config.model_copy(update={"surfaces": surfaces})
+    return network_from_arrays(robot, config, weights_arrays(network))
+
+
 def wanted_arrays(robot: Robot, config: NetworkConfig) -> dict[str, Wanted]:
     """Every weight and buffer of a network by name, without making it: its claimed size may be huge.
 

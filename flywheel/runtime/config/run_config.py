@@ -8,7 +8,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Self
 
-from pydantic import BeforeValidator, Field, StringConstraints, field_validator, model_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    StringConstraints,
+    field_validator,
+    model_validator,
+)
 
 from flywheel.control import MppiConfig
 from flywheel.diagnosis.fitting.nuisance import unsure_terms
@@ -67,6 +74,18 @@ Workers = Annotated[int, Bounds(1, 10_000)]
 Processors = Annotated[float, Bounds(0, 1000)]
 
 
+def _can_be_read(courses: tuple[str, ...]) -> tuple[str, ...]:
+    try:
+        for course in courses:
+            load_course(course)
+    except FlywheelError as error:
+        raise ValueError(str(error)) from None
+    return courses
+
+
+Courses = Annotated[tuple[Place, ...], AfterValidator(_can_be_read)]
+
+
 class CollectConfig(Frozen):
     """Episodes recorded for training.
 
@@ -82,6 +101,8 @@ class CollectConfig(Frozen):
       validation: fraction of the episodes of each kind that is kept for validation.
       test: fraction of the episodes of each kind of iteration 0 that is kept for tests.
       recordings: segments already in the store that belong to the data from iteration 0 on.
+      courses: taken in turn, as in `task.course`. MPPI drives through them instead of the task; gaits,
+        random controls and drops begin by one of their boxes.
     """
 
     gaits: Episodes = 6
@@ -97,6 +118,7 @@ class CollectConfig(Frozen):
     validation: PartialShare = 0.2
     test: PartialShare = 0.2
     recordings: tuple[SegmentName, ...] = Field(default=(), max_length=MOST_RECORDINGS)
+    courses: Courses = Field(default=(), max_length=MOST_COURSES)
 
 
 class EvaluateConfig(Frozen):
@@ -128,17 +150,7 @@ class EvaluateConfig(Frozen):
     floor: bool = True
     floor_window: Annotated[int, Bounds(1, 1000, "steps")] = 1
     video: bool = True
-    unseen: tuple[Place, ...] = Field(default=(), max_length=MOST_COURSES)
-
-    @field_validator("unseen")
-    @classmethod
-    def _can_be_read(cls, courses: tuple[str, ...]) -> tuple[str, ...]:
-        try:
-            for course in courses:
-                load_course(course)
-        except FlywheelError as error:
-            raise ValueError(str(error)) from None
-        return courses
+    unseen: Courses = Field(default=(), max_length=MOST_COURSES)
 
 
 class DiagnoseConfig(Frozen):

@@ -36,7 +36,7 @@ def initial_weights(config: RunConfig, robot: Robot) -> Path | None:
 
 
 def _overrides(own: NetworkConfig, theirs: NetworkConfig) -> list[str]:
-    """Command-line settings that turn one network into the other."""
+    """Command-line settings that turn one network into the other; weights suit any number of surfaces."""
     before, after = own.model_dump(mode="json"), theirs.model_dump(mode="json")
-    changed = {key: value for key, value in after.items() if value != before[key]}
+    changed = {k: v for k, v in after.items() if k != "surfaces" and v != before[k]}
     return [f"network.{key}={json.dumps(value)}" for key, value in changed.items()]

@@ -170,6 +170,7 @@ def _kinds(config: RunConfig, robot: Robot) -> Iterator[Misfit]:
         ),
         (collect.drops, f"collect.drops={collect.drops}", "0", fixed),
         (config.task.name == "obstacle_course", "task.name=obstacle_course", "reach", fixed),
+        (collect.courses, f"collect.courses={_listed(collect.courses)}", "[]", fixed),
         (evaluate.unseen, f"evaluate.unseen={_listed(evaluate.unseen)}", "[]", fixed),
         (
             terrain.kinds,

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,7 +44,7 @@ class EpisodePlan:
         iteration.
       effects: of the plant, beyond its MJCF.
       samples: plans that MPPI samples at a time; None for the configured number.
-      course: of its task; "" for the configured task.
+      course: of its task, or by one of whose boxes it begins; "" for the configured task, or none.
       hidden: true effects of the plant, if it stands in for a real robot. Learning, planning and
         reckoning receive `effects` instead. None without hidden effects.
     """
@@ -111,6 +111,7 @@ def _further(config: RunConfig, iteration: int, arm: Arm, effects: Effects) -> l
             task_seed=derive_seed(config.seed, "collect-task", iteration, index) if mppi else None,
             effects=effects,
             samples=collect.mppi_samples if mppi else None,
+            course=_in_turn(collect.courses, index),
         )
         for index, split in enumerate(splits)
     ]
@@ -262,7 +263,12 @@ def _first_episodes(config: RunConfig, effects: Effects, iteration: int) -> Iter
                 seconds=seconds,
                 seed=derive_seed(config.seed, "collect", 0, kind, index),
                 effects=effects,
+                course=_in_turn(collect.courses, index // len(config.datasets)),
             )
+
+
+def _in_turn(courses: Sequence[str], number: int) -> str:
+    return courses[number % len(courses)] if courses else ""
 
 
 def _controller(kind: str, number: int) -> str:

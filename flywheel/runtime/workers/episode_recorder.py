@@ -16,6 +16,7 @@ from flywheel.control import (
     Mppi,
     RandomControls,
     above_ground,
+    by_a_box,
     random_drop,
     record_episode,
     standing,
@@ -31,7 +32,7 @@ from flywheel.errors import DataError
 from flywheel.records import RECORDING, Episode, Floats, Provenance, State
 from flywheel.results import Walk
 from flywheel.robot_link import RobotLink
-from flywheel.robots import Robot, draw_terrain
+from flywheel.robots import Robot, draw_terrain, load_course
 from flywheel.runtime.config.run_config import RunConfig, config_digest
 from flywheel.runtime.workers.episode_plan import ASTAR, ORACLE, Effects, EpisodePlan
 from flywheel.tasks import Task, TaskConfig, sample_task
@@ -39,7 +40,7 @@ from flywheel.terrain import Terrain, is_level, with_boxes
 
 SETTLE_SECONDS = 2.0
 WALK_SECONDS = 0.5  # between two points of a path [s]
-GROUND = 1  # added to a seed, so that the ground has random numbers of its own
+GROUND, PLACE = 1, 2  # added to a seed, so that ground and place have random numbers of their own
 OnProgress = Callable[[float], None]
 
 
@@ -177,7 +178,10 @@ class EpisodeRecorder(_Recorder):
         """The ground of a planned episode; each task has its own, so that all models meet the same."""
         seed = plan.seed if plan.task_seed is None else plan.task_seed
         rng = np.random.default_rng([seed, GROUND])
-        return draw_terrain(self.config.terrain, self.robot.length, rng)
+        drawn = draw_terrain(self.config.terrain, self.robot.length, rng)
+        if plan.task_seed is None and plan.course:
+            return with_boxes(drawn, load_course(plan.course).obstacles)
+        return drawn  # the boxes of a task are its obstacles
 
     def plant(
         self,
@@ -275,17 +279,22 @@ class EpisodeRecorder(_Recorder):
 
     def _start(self, plan: EpisodePlan, plant: Plant, task: Task | None) -> State:
         kind, _, _ = plan.controller.partition(":")
+        rng, by_box = np.random.default_rng(plan.seed), task is None and bool(plan.course)
         if kind == "throw":
-            return thrown(plant, np.random.default_rng(plan.seed), 1)
+            return thrown(plant, rng, 1)
         if kind in ("drop", "gait"):
-            dropped = random_drop(plant, np.random.default_rng(plan.seed), 1)
-            return dropped if kind == "drop" else plant.settle(SETTLE_SECONDS, start=dropped)
-        state = self._settled_state(plan.dataset, plan.plant_effects)
-        if task is not None and task.begin is not None:
-            state = standing(plant, state, task.begin.place, task.begin.turn)
-        if is_level(plant.terrain):
+            state = random_drop(plant, rng, 1)
+        else:
+            state = self._settled_state(plan.dataset, plan.plant_effects)
+            if task is not None and task.begin is not None:
+                state = standing(plant, state, task.begin.place, task.begin.turn)
+            state = above_ground(plant, state)
+        if by_box:
+            state = by_a_box(plant, state, np.random.default_rng([plan.seed, PLACE]))
+        at_rest = kind != "gait" and not by_box and is_level(plant.terrain)
+        if kind == "drop" or at_rest:
             return state
-        return plant.settle(SETTLE_SECONDS, start=above_ground(plant, state))
+        return plant.settle(SETTLE_SECONDS, start=state)
 
     def _settled_state(self, dataset: int, effects: Effects) -> State:
         key = (dataset, effects)

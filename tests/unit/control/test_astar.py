@@ -92,6 +92,18 @@ def test_a_search_that_takes_too_long_gives_the_sequence_that_comes_nearest(
     assert {step.gait for step in found.sequence[1:]} == {"roll"}
 
 
+def test_a_way_that_takes_too_long_to_find_is_searched_with_more_greed(robot, monkeypatch) -> None:
+    """With fewer poses, a later search is the first one to arrive, by a slower sequence."""
+    monkeypatch.setattr(astar, "BATCH", 1)
+    task, costs = going(robot, (-6, 6)), []
+    for poses in (400, 100, 50):
+        monkeypatch.setattr(astar, "EXPANSIONS", poses)
+        found = fastest(task, MADE, np.zeros(3))
+        assert found.arrives
+        costs.append(found.cost)
+    assert costs == [30.0, 33.0, 36.0]
+
+
 @pytest.fixture(scope="module")
 def cycles(robot: Robot) -> Cycles:
     return Cycles.measured(Plant(robot))
@@ -124,10 +136,18 @@ def test_a_goal_beside_the_robot_is_reached_on_the_plant(robot: Robot, cycles, m
 @pytest.mark.slow
 def test_cycles_are_measured_as_published(cycles: Cycles) -> None:
     """Two cycles of each, as in tests/physics/test_gaits.py, where the robot comes to rest after them."""
-    assert cycles.gaits == ("roll", "cw", "ccw")
+    assert cycles.gaits == ("roll", "cw", "ccw", "roll_back", "cw_back", "ccw_back")
     assert np.linalg.norm(cycles.paths[:, 0, -1], axis=1).sum() == pytest.approx(3.82, rel=0.1)
     assert np.degrees(cycles.turns[:, 1].sum()) == pytest.approx(-61.0, rel=0.1)
-    np.testing.assert_allclose(cycles.seconds.sum(axis=0), [9.0, 13.6, 11.4], rtol=0.15)
+    np.testing.assert_allclose(cycles.seconds[:, :3].sum(axis=0), [9.0, 13.6, 11.4], rtol=0.15)
+
+
+@pytest.mark.slow
+def test_backwards_the_robot_goes_the_other_way_and_turns_the_same_way(cycles: Cycles) -> None:
+    """Seen from its other end it is the same robot; measured after the first cycle, within its scatter."""
+    ahead, back = cycles.paths[1, :3, -1, 1], cycles.paths[1, 3:, -1, 1]
+    np.testing.assert_allclose(back, -ahead, atol=0.15)
+    np.testing.assert_allclose(cycles.turns[1, 3:], cycles.turns[1, :3], atol=np.radians(4))
 
 
 def test_it_needs_a_task_and_a_robot_with_gaits(robot: Robot) -> None:

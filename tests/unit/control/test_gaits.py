@@ -5,8 +5,10 @@ import numpy as np
 import pytest
 
 from flywheel.control.gaits import (
+    BEHIND,
     DERIVATIVE,
     DWELL,
+    FORWARDS,
     GAIN,
     INTEGRAL,
     PAIRS,
@@ -87,7 +89,7 @@ def test_it_ends_after_its_cycles_and_then_holds() -> None:
 
 
 def test_names_are_for_provenance() -> None:
-    assert [Gait(ROBOT, name).name for name in PATTERNS] == ["gait:roll", "gait:cw", "gait:ccw"]
+    assert [Gait(ROBOT, name).name for name in FORWARDS] == ["gait:roll", "gait:cw", "gait:ccw"]
     assert (Gait(ROBOT, "cw").model, Gait(ROBOT, "cw").history) == ("", 0)
 
 
@@ -153,7 +155,7 @@ def tried(gait: Gait, down: tuple[int, ...], targets: int) -> np.ndarray:
     return np.stack([gait.act(seen).controls[0] for _ in range(targets)])
 
 
-@pytest.mark.parametrize("name", PATTERNS)
+@pytest.mark.parametrize("name", FORWARDS)
 @pytest.mark.parametrize("down", SIDES)
 def test_targets_follow_each_other_as_the_robot_lies(name: str, down: tuple[int, ...]) -> None:
     """Rest, then the pattern's targets in turn, for ever; each cable takes its own side's place."""
@@ -163,6 +165,20 @@ def test_targets_follow_each_other_as_the_robot_lies(name: str, down: tuple[int,
     assert (found[0] > 0).all()  # rest: as long as the pattern knows
     expected = np.sign(np.concatenate([targets, targets]) - 0.5)
     np.testing.assert_array_equal(np.sign(found[1:]), expected)
+
+
+@pytest.mark.parametrize("name", FORWARDS)
+@pytest.mark.parametrize("down", SIDES)
+def test_backwards_a_gait_is_that_of_the_robot_with_its_caps_called_otherwise(name, down) -> None:
+    """Rods stay rods with their ends changed, and each cable takes the place of the renamed one."""
+    renamed = tuple(sorted(BEHIND[cap] for cap in down))
+    count = 1 + len(FORWARDS[name].targets)
+    pairs = [frozenset(pair) for pair in PAIRS]
+    to = [pairs.index(frozenset(BEHIND[cap] for cap in pair)) for pair in PAIRS]
+    assert [BEHIND[cap] // 2 for cap in (0, 2, 4)] == [BEHIND[cap] // 2 for cap in (1, 3, 5)]
+    there = tried(Gait(ROBOT, f"{name}_back", dt=PATIENCE), down, count)
+    here = tried(Gait(ROBOT, name, dt=PATIENCE), renamed, count)
+    np.testing.assert_array_equal(there, here[:, to])
 
 
 def test_a_cycle_begins_after_rest_and_after_the_cycle_before_it() -> None:

@@ -3,17 +3,18 @@
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
+import mujoco
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from flywheel.control import above_ground, random_drop, standing, thrown
+from flywheel.control import above_ground, by_a_box, random_drop, standing, thrown
 from flywheel.control.starts import HEIGHT
 from flywheel.dynamics.plant import Plant
-from flywheel.errors import RobotError
+from flywheel.errors import ConfigError, RobotError
 from flywheel.records import State
-from flywheel.robots import Robot
-from flywheel.terrain import Terrain
+from flywheel.robots import Robot, load_robot
+from flywheel.terrain import LEVEL, Box, Terrain, with_boxes
 
 PLACE, TURN = np.array([3.0, -2.0]), 0.7
 
@@ -147,3 +148,38 @@ def test_a_thrown_robot_flies_and_turns_as_a_whole(robot: Robot) -> None:
     apart = [np.linalg.norm(p[:, :, None] - p[:, None], axis=-1) for p in (before, after)]
     assert np.abs(after - before).max() > 1e-7
     assert np.allclose(*apart, rtol=0.0, atol=1e-10)
+
+
+WALL = Box(center=(8.0, 0.0, 1.0), half_size=(0.3, 6.0, 1.0))
+CEILING = Box(center=(-8.0, 0.0, 2.4), half_size=(3.0, 3.0, 0.1))
+RAMP = Box(center=(0.0, 20.0, 0.0), half_size=(6.0, 6.0, 0.5), quaternion=(0.9962, 0, -0.0872, 0))
+
+
+def test_a_robot_by_a_box_touches_none_and_is_near_one() -> None:
+    """Beside, below or on it, turned in any direction; a thin wall does not cut through the robot."""
+    boxes = WALL, CEILING, RAMP
+    plant = Plant(load_robot("prism3")).on(with_boxes(None, boxes))
+    model, rng, near, headings = plant.model, np.random.default_rng(2), set(), []
+    data, lying = mujoco.MjData(model), plant.rest()
+    for _ in range(60):
+        put = by_a_box(plant, lying, rng)
+        data.qpos[:] = put.qpos[0]
+        mujoco.mj_forward(model, data)
+        touching = {int(geom) for contact in data.contact for geom in contact.geom}
+        assert not {g for g in touching if model.geom_type[g] == mujoco.mjtGeom.mjGEOM_BOX}
+        points = plant.observe(put).points[0]
+        gaps = [np.linalg.norm(np.maximum(b.beyond(points), 0), axis=1).min() for b in boxes]
+        assert min(gaps) < 1.5 * plant.robot.length
+        near.add(int(np.argmin(gaps)))
+        rods = points[::2] + np.linspace(0, 1, 300)[:, None, None] * (points[1::2] - points[::2])
+        assert (WALL.beyond(rods).max(axis=-1) > 0.0).all()
+        headings.append(np.arctan2(*(points[1, :2] - points[0, :2])))
+    assert near == {0, 1, 2}
+    assert np.ptp(headings) > 5.0
+
+
+@pytest.mark.parametrize("terrain", [None, LEVEL])
+def test_without_a_box_no_robot_is_by_one(terrain: Terrain | None) -> None:
+    plant = Plant(load_robot("prism3")).on(terrain)
+    with pytest.raises(ConfigError, match="prism3 could not be placed by one of 0 boxes"):
+        by_a_box(plant, plant.rest(), np.random.default_rng(0))

@@ -250,3 +250,20 @@ def test_unseen_courses_that_cannot_be_read_are_refused_before_a_run_begins() ->
         EvaluateConfig(unseen=("mase",))
     with pytest.raises(ValueError, match="There is no course nowhere.xml"):
         EvaluateConfig(unseen=("nowhere.xml",))
+
+
+@pytest.mark.parametrize("controller", ["random", "gait:cw", "drop"])
+def test_an_episode_by_a_box_is_among_those_of_its_course(controller: str) -> None:
+    robot = load_robot("prism3")
+    recorder = EpisodeRecorder(RunConfig(), robot)
+    boxes = load_course("low_clearance").obstacles
+    found = []
+    for seed in (0, 1):
+        plan = EpisodePlan("one", controller, 0, "train", 0.5, seed, course="low_clearance")
+        episode = recorder.record(plan, None, "")
+        assert episode.terrain is not None and episode.terrain.boxes == boxes
+        first = episode.trajectory.observations.points.reshape(-1, 6, 3)[0]
+        gaps = [np.linalg.norm(np.maximum(b.beyond(first), 0), axis=1).min() for b in boxes]
+        assert min(gaps) < 1.5 * robot.length
+        found.append(first)
+    assert np.abs(found[0] - found[1]).max() > 0.1

@@ -5,7 +5,14 @@ from typing import Any
 
 import pytest
 
-from flywheel.dynamics.gnn import ChunkNetwork, NetworkConfig, load_weights, save_weights
+from flywheel.dynamics.gnn import (
+    ChunkNetwork,
+    NetworkConfig,
+    load_weights,
+    save_weights,
+    seeing,
+    weights_digest,
+)
 from flywheel.errors import ConfigError, DataError
 from flywheel.robots import load_robot
 from flywheel.runtime.config.run_config import RunConfig, config_digest
@@ -73,6 +80,25 @@ def test_the_weights_of_another_network_are_refused_with_what_would_make_it_the_
         f"network.{k}" for k in TINY["network"]
     }
     assert "network.width=8" in overrides
+
+
+@pytest.mark.slow
+def test_weights_of_a_network_that_sees_the_ground_alone_begin_one_that_sees_boxes(
+    weights, tmp_path
+):
+    """The edges to all surfaces share their weights; what comes of it sees boxes."""
+    network = {**TINY["network"], "surfaces": 3}
+    bench = Bench(tmp_path / "run", network=network, training=training(weights), iterations=0)
+    bench.files.path.mkdir()
+    bench.turn()
+    trained = load_weights(bench.files.weights(0, "mppi"), ROBOT)
+    assert trained.config.surfaces == 3
+    first = load_weights(weights, ROBOT)
+    assert first.config.surfaces == 1
+    for name, value in first.state_dict().items():
+        assert value.shape == trained.state_dict()[name].shape, name
+    assert weights_digest(seeing(first, ROBOT, 3)) != weights_digest(first)
+    assert weights_digest(seeing(seeing(first, ROBOT, 3), ROBOT, 1)) == weights_digest(first)
 
 
 def test_weights_that_are_not_there_or_of_another_robot_are_refused(weights, tmp_path):

@@ -99,3 +99,29 @@ def test_too_few_episodes_for_all_splits_are_refused_with_the_settings_to_change
     few = CONFIG.model_copy(update={"collect": CollectConfig(gaits=1, random=1, drops=0)})
     with pytest.raises(ConfigError, match="no test and no validation episode.*collect.gaits"):
         collection(few, 0, "mppi")
+
+
+def test_courses_are_taken_in_turn_and_only_by_what_is_collected() -> None:
+    courses = ("s_course", "incline", "corridor")
+    collect = CONFIG.collect.model_copy(update={"courses": courses})
+    config = CONFIG.model_copy(update={"collect": collect, "datasets": (DataSet(),)})
+    first, later = collection(config, 0, "mppi"), collection(config, 1, "mppi")
+    for kind in ("gait", "random", "drop"):
+        of = [p.course for p in first if p.controller.startswith(kind)]
+        assert of == [courses[n % 3] for n in range(len(of))]
+    assert [p.course for p in later] == [courses[n % 3] for n in range(10)]
+    assert all(p.task_seed is None for p in first) and all(p.task_seed for p in later)
+    assert {p.course for p in evaluation(config, 0, "mppi")} == {""}
+    assert {p.course for p in everything(CONFIG) if p.iteration >= 0} == {""}
+
+
+def test_every_data_set_meets_every_course() -> None:
+    collect = CONFIG.collect.model_copy(update={"courses": ("incline", "corridor")})
+    plans = collection(CONFIG.model_copy(update={"collect": collect}), 0, "mppi")
+    met = {(p.dataset, p.course) for p in plans if p.controller == "random"}
+    assert len(met) == 4
+
+
+def test_a_course_that_is_none_is_refused_where_the_configuration_is_read() -> None:
+    with pytest.raises(ValueError, match="courses[^?]*no course 'walls'"):
+        CollectConfig(courses=("walls",))
