@@ -26,6 +26,7 @@ from flywheel.runtime.config.run_config import RunConfig
 from flywheel.runtime.run.initial_weights import initial_weights
 from flywheel.runtime.workers.episode_plan import (
     GAITS,
+    EpisodePlan,
     collection,
     evaluation,
     first_recordings,
@@ -222,22 +223,19 @@ def _too_little(config: RunConfig, found: list[Misfit]) -> Iterator[Misfit]:
 
 def _tasks(config: RunConfig, robot: Robot) -> Iterator[Misfit]:
     """Misfits of tasks that cannot be drawn, such as a course that is too narrow for the robot."""
-    recorder, task, courses = (
-        EpisodeRecorder(config, robot),
-        config.task.name,
-        config.evaluate.unseen,
-    )
-    wanted = [(f"task.name={task}", evaluation(config, 0, "mppi"), "task.name=reach")]
-    for course in courses:
-        others = _listed(tuple(other for other in courses if other != course))
-        plans = unseen(config, course)
-        wanted.append((f"evaluate.unseen={course}", plans, f"evaluate.unseen={others}"))
-    for asked, plans, override in wanted:
-        for plan in plans[:1]:
-            try:
-                recorder.task(plan)
-            except ConfigError as error:
-                yield Misfit(asked, str(error), override)
+    recorder = EpisodeRecorder(config, robot)
+
+    def why_not(plans: list[EpisodePlan]) -> str:
+        return _reason(lambda: recorder.task(plans[0])) if plans else ""
+
+    if why := why_not(evaluation(config, 0, "mppi")):
+        yield Misfit(f"task.name={config.task.name}", why, "task.name=reach")
+    lists = {"collect.courses": config.collect.courses, "evaluate.unseen": config.evaluate.unseen}
+    for setting, courses in lists.items():
+        narrow = {name: why for name in courses if (why := why_not(unseen(config, name)))}
+        fitting = _listed(tuple(name for name in courses if name not in narrow))
+        for course, why in narrow.items():
+            yield Misfit(f"{setting}={course}", why, f"{setting}={fitting}")
 
 
 def _refuse_gaits(config: RunConfig, robot: Robot) -> None:

@@ -83,6 +83,15 @@ def test_a_course_that_a_robot_does_not_fit_is_found_before_the_run() -> None:
     assert refused(config, load_robot("prism3")) == ["evaluate.unseen=[]"]
 
 
+@pytest.mark.slow
+def test_courses_that_do_not_fit_are_left_out_together() -> None:
+    """Nine metres from walls there is no start and no goal, while a ramp is no wall."""
+    courses = "collect.courses=[corridor,incline,s_course]"
+    asked = ["task.clearance=3.0", "evaluate.unseen=[]", courses]
+    config = load_config(ROOT / "configs" / "smoke.yaml", asked)
+    assert refused(config, load_robot("prism3")) == ["collect.courses=[incline]"]
+
+
 def test_an_effect_at_a_place_that_is_not_there_is_found_before_the_run() -> None:
     effect = {"effect": "payload", "location": "s99", "parameters": {"mass": 1.0}}
     config = RunConfig.model_validate({"effects": [effect]})
