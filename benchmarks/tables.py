@@ -162,6 +162,7 @@ TABLES: dict[str, Callable[[], list[str]]] = {
             "five courses, A*": "A*",
             "five courses, MPPI": "MPPI",
             "five courses, MPPI with turns": "MPPI with turns",
+            "five courses, network with turns": "network with turns",
         },
     ),
     "navigation-episodes": lambda: navigation.episodes_table(read_rows(EpisodeRow, EPISODES)),
