@@ -143,3 +143,14 @@ def _require_seen(known: np.ndarray) -> None:
     """Raise if a point of (T + 1, P) bool was never seen."""
     if not known.any(axis=0).all():
         raise DataError(f"Tracked point {int(np.argmin(known.any(axis=0)))} was never seen.")
+
+
+def interpolated(values: Floats, at: Floats) -> Floats:
+    """(n, m, C) of values (n, T, C), at samples `at` (n, m), linearly between two of them."""
+    before = np.floor(at).astype(int)
+    part = (at - before)[..., None]
+    earlier, later = (
+        np.take_along_axis(values, each[..., None], axis=1)
+        for each in (before, np.minimum(before + 1, values.shape[1] - 1))
+    )
+    return np.where(part == 0, earlier, (1 - part) * earlier + part * later)

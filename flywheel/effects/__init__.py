@@ -37,6 +37,7 @@ from flywheel.effects.effect import (
     Winches,
     parts_of,
     place_name,
+    points_late,
 )
 from flywheel.effects.forms import OtherForm
 from flywheel.effects.per_part import (
@@ -129,6 +130,7 @@ __all__ = [
     "parts_of",
     "per_part_term",
     "place_name",
+    "points_late",
     "taken_apart",
     "together",
     "usual",

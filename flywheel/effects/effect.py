@@ -169,6 +169,10 @@ class CommandEffect(Effect):
           dt: control step [s].
         """
 
+    def lateness(self, values: Numbers) -> float:
+        """Time by which points are measured later than channels; commands are late in their time [s]."""
+        return 0.0
+
 
 @dataclass(frozen=True)
 class Cables:
@@ -321,6 +325,12 @@ class Term:
         if self.place is None:
             return self.effect.name
         return f"{self.effect.name} at {place_name(self.effect, self.place, robot)}"
+
+
+def points_late(terms: Terms) -> float:
+    """Time by which points are measured later than channels [s]."""
+    effects = ((term.effect, term.named) for term in terms)
+    return sum(e.lateness(values) for e, values in effects if isinstance(e, CommandEffect))
 
 
 def parts_of(robot: Robot, where: Where) -> tuple[str, ...]:

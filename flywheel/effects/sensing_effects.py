@@ -31,10 +31,10 @@ class MarkerOffset(ModelEffect):
 
 
 class SensorLatency(CommandEffect):
-    """Every position is measured a fixed time later.
+    """Every position is measured a fixed time later; channels are not.
 
     In the sensor's own time the commands are late: with commands and positions alone a latency
-    equals a command delay exactly, and is computed as one.
+    equals a command delay exactly, and is computed as one. Channels are then read that much later.
     """
 
     name = "sensor_latency"
@@ -46,3 +46,6 @@ class SensorLatency(CommandEffect):
 
     def command(self, controls: Floats, values: Values, robot: Robot, dt: float) -> Floats:
         return delayed(controls, values["time"] / dt, robot)
+
+    def lateness(self, values: Numbers) -> float:
+        return values["time"]

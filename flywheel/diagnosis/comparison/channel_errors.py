@@ -91,7 +91,7 @@ def _of_plant(model: RestartedPlant, channels: Sequence[ChannelNoise]) -> Predic
     def predict(past: Past, controls: Floats) -> tuple[Floats, Floats, Floats]:
         terms = [plant.terms] * len(controls)
         told = augmented.commands(controls, terms)
-        motion = augmented.simulate(model.estimate(past), told, terms)
+        motion = augmented.simulate(model.estimate(past), told, terms, steps=controls.shape[1])
         return motion.points, plant.winch(motion.states), motion.channels
 
     return predict

@@ -11,13 +11,13 @@ import numpy as np
 from flywheel.diagnosis.fitting.subject import Subject
 from flywheel.diagnosis.fitting.windows import noise_floor
 from flywheel.dynamics.plant import Reckoning
-from flywheel.effects import Scales, Terms
+from flywheel.effects import Scales, Terms, points_late
 from flywheel.errors import DataError
 from flywheel.evaluation import past_at, places
 from flywheel.evaluation.pasts import stacked
 from flywheel.records import RECORDING, Episode, Floats, Observation, Past, Provenance, Trajectory
 from flywheel.robots import Robot
-from flywheel.smoothing import savitzky_golay
+from flywheel.smoothing import interpolated, savitzky_golay
 
 FEWEST_STEPS = 5  # of a window
 WARMUP = 0.55  # that a model moves by itself before it is taken for the truth [sqrt(L / g)]
@@ -205,11 +205,15 @@ class ForecastWindows:
         )
 
     def _winches(self, terms: Terms) -> tuple[Floats, ...]:
-        """(T + 1, W) winch positions in each recording, from the known effects of the plant [m]."""
+        """(T + 1, W) winch positions in each recording, from the known effects of the plant [m].
+
+        Where points are measured late, they are those of the points' time.
+        """
         key = tuple((term.effect.name, term.place, term.values) for term in terms)
         if key not in self._reckoned:
             reckoning = Reckoning(self.robot, self.dt, terms)
-            known = (reckoning.known(track) for track in self.tracks)
+            late = points_late(terms) / self.dt
+            known = (reckoning.known(_with_winches_of(track, late)) for track in self.tracks)
             self._reckoned[key] = tuple(known)
         return self._reckoned[key]
 
@@ -245,6 +249,15 @@ class ForecastWindows:
                 for i, first in zip(self.recording, self.first, strict=True)
             ]
         )
+
+
+def _with_winches_of(track: Trajectory, late: float) -> Trajectory:
+    """A recording whose winches are those of `late` control steps before."""
+    if late == 0.0:
+        return track
+    before = np.maximum(np.arange(track.steps + 1) - late, 0.0)
+    winch = interpolated(track.observations.winch[None], before[None])[0]
+    return replace(track, observations=replace(track.observations, winch=winch))
 
 
 def _tiled(episode: Episode, steps: int, lead: int) -> list[int]:

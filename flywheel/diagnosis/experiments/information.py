@@ -118,7 +118,8 @@ def simulate_scripts(
     state = plant.settle(SETTLING) if start is None else start
     first = state[np.zeros(count, int)]
     terms = [plant.terms] * count
-    return augmented.simulate(first, augmented.commands(scripts, terms), terms)
+    told = augmented.commands(scripts, terms)
+    return augmented.simulate(first, told, terms, steps=scripts.shape[1])
 
 
 def information_of(

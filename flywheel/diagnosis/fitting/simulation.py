@@ -100,6 +100,12 @@ class WindowSimulator:
             for log in self.windows.recordings
         ]
 
+    def _of(self, told: Sequence[Floats], window: int) -> Floats:
+        """(n, steps and more, W) commands of a window, of those `told` to the winches in each log."""
+        log, first = self.windows.recording[window], self.windows.first[window]
+        further = told[log].shape[1] - len(self.windows.recordings[log].controls)
+        return told[log][:, first : first + self.windows.steps + further]
+
     def chained(
         self, starts: InitialStates, terms: Sequence[Terms]
     ) -> tuple[Floats, list[Carried]]:
@@ -137,8 +143,7 @@ class WindowSimulator:
         self._busy()
         windows, count, told = self.windows, len(terms), self.told(terms)
         winch = self._winches(starts.winch, told)
-        at = list(zip(windows.recording, windows.first, strict=True))
-        commands = np.stack([told[log][:, f : f + windows.steps] for log, f in at], axis=1)
+        commands = np.stack([self._of(told, k) for k in range(len(windows))], axis=1)
         total = count * len(windows)
         begun = winch.reshape(total, winch.shape[-1])
         state = self.with_winch(State.joined([starts.mechanics] * count), begun)
@@ -188,10 +193,7 @@ class WindowSimulator:
             winch[:, members] = now
             state = self.with_winch(state, now.reshape(len(state.qpos), now.shape[-1]))
             each = [t for t in terms for _ in members]
-            pieces = [
-                told[log][:, windows.first[k] : windows.first[k] + windows.steps]
-                for log, k in zip(logs, members, strict=True)
-            ]
+            pieces = [self._of(told, k) for k in members]
             commands = np.stack(pieces, axis=1).reshape(len(each), *pieces[0].shape[1:])
             carried = _of_recordings(memory, count, logs)
             motion = self._simulated(np.tile(members, count), state, commands, each, carried)
@@ -228,8 +230,7 @@ class WindowSimulator:
         if not len(members):
             return np.empty((0, *windows.measured.shape[1:]))
         told = self.told([terms])
-        places = zip(windows.recording[members], windows.first[members], strict=True)
-        commands = np.stack([told[i][0, f : f + windows.steps] for i, f in places])
+        commands = np.stack([self._of(told, k)[0] for k in members])
         memory = {name: values[members] for name, values in carried.memory.items()}
         state = self.with_winch(starts, carried.winch[members] if winch is None else winch)
         motion = self._simulated(members, state, commands, [terms] * len(members), memory)
@@ -258,7 +259,8 @@ class WindowSimulator:
             rows = np.flatnonzero(fineness == times)
             part = {name: held[rows] for name, held in (memory or {}).items()}
             here = [terms[int(row)] for row in rows]
-            pieces.append(self._engines[times].simulate(state[rows], told[rows], here, part))
+            engine, steps = self._engines[times], self.windows.steps
+            pieces.append(engine.simulate(state[rows], told[rows], here, part, steps))
             order.append(rows)
         return Motion.joined(pieces, order)
 

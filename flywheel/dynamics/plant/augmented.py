@@ -15,11 +15,20 @@ from flywheel.dynamics.plant.laws import Geometry, Laws, Memories, grouped, has_
 from flywheel.dynamics.plant.parameters import PlantParameters, scaled
 from flywheel.dynamics.plant.plant import DISABLED, Plant
 from flywheel.dynamics.plant.world import scene, strip_visuals
-from flywheel.effects import CommandEffect, ModelEffect, Scales, TensionEffect, Term, Terms
+from flywheel.effects import (
+    CommandEffect,
+    ModelEffect,
+    Scales,
+    TensionEffect,
+    Term,
+    Terms,
+    points_late,
+)
 from flywheel.errors import ModelError
 from flywheel.records import Floats, State
 from flywheel.robots import Robot, add_plain
 from flywheel.robots.mujoco_warnings import collected_warnings
+from flywheel.smoothing import interpolated
 
 TOGETHER = (
     48  # simulations per thread that are stepped together: more do not fit into a core's cache
@@ -99,19 +108,33 @@ class AugmentedPlant:
     def commands(self, controls: Floats, terms: Sequence[Terms]) -> Floats:
         """The commands (n, T, W) that reach the winches, given all commands of an episode.
 
+        Of points that are measured later than channels, those of some more steps follow.
+
         Args:
           controls: (n, T, W) commands.
           terms: of each simulation.
         """
         told = np.clip(controls, self.robot.control_low, self.robot.control_high)
+        further = int(np.ceil(self._late(terms).max(initial=0.0)))
+        told = np.concatenate([told, np.repeat(told[:, -1:], further, axis=1)], axis=1)
         width = len(self.robot.winches)
         groups = grouped(terms, CommandEffect, width)  # type: ignore[type-abstract]
         for effect, rows, values in sorted(groups, key=lambda group: group[0].stage):
             told[rows] = effect.command(told[rows], values, self.robot, self.dt)
         return told
 
+    def _late(self, terms: Sequence[Terms]) -> Floats:
+        """(n,) control steps by which points are measured later than channels; 0 without channels."""
+        late = [points_late(each) if self._channels.keys else 0.0 for each in terms]
+        return np.round(np.array(late) / self.dt, 9)  # 0.07 / 0.01 is a little more than seven
+
     def simulate(
-        self, start: State, told: Floats, terms: Sequence[Terms], memory: Memories | None = None
+        self,
+        start: State,
+        told: Floats,
+        terms: Sequence[Terms],
+        memory: Memories | None = None,
+        steps: int | None = None,
     ) -> Motion:
         """Simulate each state under the commands that reach the winches.
 
@@ -120,11 +143,12 @@ class AugmentedPlant:
           told: (n, T, W) see `commands`; not clipped again.
           terms: of each simulation.
           memory: effect name -> (n, C), from an earlier piece; none for fresh cables.
+          steps: T of the motion; later commands are for channels only. None for all of them.
 
         Raises:
           ModelError: shapes do not fit.
         """
-        total = len(told)
+        total, steps = len(told), told.shape[1] if steps is None else steps
         if len(start.qpos) != total or len(terms) != total:
             raise ModelError(
                 f"{total} simulations need as many starts and terms, got {len(start.qpos)} and "
@@ -142,7 +166,7 @@ class AugmentedPlant:
                 for rows in _pieces(np.flatnonzero(members), TOGETHER * self.threads):
                     part = {name: held[rows] for name, held in memory.items()}
                     here = [terms[row] for row in rows]
-                    pieces.append(self._simulate(base, start[rows], told[rows], here, part))
+                    pieces.append(self._simulate(base, start[rows], told[rows], here, part, steps))
                     order.append(rows)
         return Motion.joined(pieces, order)
 
@@ -153,9 +177,10 @@ class AugmentedPlant:
         told: Floats,
         terms: Sequence[Terms],
         memory: Memories,
+        until: int,
     ) -> Motion:
         if not has_laws(terms):
-            return self._rolled_out(base, start, told, terms, memory)
+            return self._rolled_out(base, start, told, terms, memory, until)
         plant, steps, forces = self.plant, told.shape[1], self._channels.forces
         batch = self._batch(base, terms)
         nq, nv = start.qpos.shape[1], start.qvel.shape[1]
@@ -175,11 +200,10 @@ class AugmentedPlant:
         for step in range(steps + 1):
             states[:, step] = np.concatenate(fields, axis=1)
             seen[:, step] = sensors
-            if step == steps:
-                alive = ~batch.warning[: len(terms), DIVERGED, COUNT].any(axis=1)
+            if step == until:
                 memory = {name: held.copy() for name, held in laws.memory.items()}
-                if not forces:
-                    break
+            if step == steps and not forces:
+                break
             now = min(step, steps - 1)
             ctrl[:, :driven] = commands[:, now]
             for substep in range(plant.substeps if step < steps else 1):
@@ -191,7 +215,8 @@ class AugmentedPlant:
                 batch.step(first, stage=CURRENT)
                 if substep == 0:
                     seen[:, step, forces] = sensors[:, forces]
-        return self._motion(base, states, seen, alive, terms, memory)
+        alive = ~batch.warning[: len(terms), DIVERGED, COUNT].any(axis=1)
+        return self._motion(base, states, seen, alive, terms, memory, until)
 
     def _rolled_out(
         self,
@@ -200,6 +225,7 @@ class AugmentedPlant:
         told: Floats,
         terms: Sequence[Terms],
         memory: Memories,
+        until: int,
     ) -> Motion:
         """All steps in one call into MuJoCo: no law acts between them."""
         plant, steps = self.plant, told.shape[1]
@@ -213,7 +239,7 @@ class AugmentedPlant:
         expected = self.dt * np.arange(1, steps + 1)
         alive = (np.abs(full[..., 0] - expected) < self.robot.timestep / 2).all(axis=1)
         states = np.concatenate([begun[:, None], full], axis=1)[..., 1:]
-        return self._motion(base, states, before[:, :: plant.substeps], alive, terms, memory)
+        return self._motion(base, states, before[:, :: plant.substeps], alive, terms, memory, until)
 
     def _motion(
         self,
@@ -223,8 +249,9 @@ class AugmentedPlant:
         alive: np.ndarray,
         terms: Sequence[Terms],
         memory: Memories,
+        until: int,
     ) -> Motion:
-        """The motion of states (n, T + 1, nq + nv + na) with sensor data (n, T + 1, S)."""
+        """The motion until a step, of states (n, T + 1, nq + nv + na) and sensor data (n, T + 1, S)."""
         for row in np.flatnonzero(~alive):  # their later states are meaningless
             states[row, 1:], seen[row, 1:] = states[row, 0], seen[row, 0]
         keyframe = self.robot.keyframe
@@ -232,7 +259,10 @@ class AugmentedPlant:
         state = State(*np.split(states, [nq, nq + nv], axis=-1))
         models = [self._compiled(base, each) for each in terms] if self._channels.keys else []
         channels = self._channels.read(seen, self.plant.winch(state), models)
-        return Motion(seen[..., self.plant._points], state, alive, memory, channels)
+        at = np.arange(until + 1) + self._late(terms)[:, None]
+        seen, state = seen[:, : until + 1], state[:, : until + 1]
+        points = seen[..., self.plant._points]
+        return Motion(points, state, alive, memory, interpolated(channels, at))
 
     def _batch(self, base: mujoco.MjModel, terms: Sequence[Terms]) -> Batch:
         """A batch whose first simulations run on the models required by the terms.

@@ -11,7 +11,7 @@ from flywheel.diagnosis.comparison import Subject, compare
 from flywheel.diagnosis.fitting.model import ModelUnderTest, fitter_of
 from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.dynamics import Persistence
-from flywheel.dynamics.plant import AugmentedPlant, Motion, Plant
+from flywheel.dynamics.plant import AugmentedPlant, Motion, Plant, with_effects
 from flywheel.effects import EFFECTS, NAMED, Term, Terms
 from flywheel.errors import DataError
 from flywheel.options import ComparisonOptions
@@ -19,11 +19,14 @@ from flywheel.records import Floats, MeasuredChannel, Observation, Trajectory
 from flywheel.reports.comparison_page import channel_rows, write_comparison
 from flywheel.robots import Robot
 from flywheel.rotations import rotate
+from flywheel.truth_simulator import HIDDEN, TruthSimulator
+from flywheel.truth_simulator.scripts import script
 from tests import draws
 from tests.unit.comparison.conftest import plant_of
 
 ROBOT, DT = "platform4", 0.01
 NOISE = {"tension": 0.2, "length": 2e-4, "winch": 1e-4}
+LATE, LATE_BY = 0.035, ("sensor_latency", "command_delay")  # [s]
 
 
 def channels_of(robot: Robot) -> list[tuple[str, str]]:
@@ -158,6 +161,72 @@ def test_tensions_tell_a_stiffness_that_points_hardly_tell(robot: Robot) -> None
         assert fitter.rms(fit) == pytest.approx(0.001, rel=0.2)
     assert found["all"] == pytest.approx(wanted, abs=0.004)
     assert abs(found["points"] - wanted) > 2 * abs(found["all"] - wanted)
+
+
+def test_channels_are_on_time_where_points_are_late(robot: Robot) -> None:
+    augmented, late = AugmentedPlant(Plant(robot), channels_of(robot)), 3
+    start, (_, told) = augmented.plant.settle(1.0), moved(robot, ())
+
+    def motion(*terms: Term) -> tuple[Floats, Floats]:
+        commands = augmented.commands(told[None], [terms])
+        found = augmented.simulate(start, commands, [terms], steps=len(told))
+        assert found.states.qpos.shape[1] == len(found.points[0]) == len(told) + 1
+        return found.points[0], found.channels[0]
+
+    _, at_once = motion()
+    (points, seen), (same, later) = (
+        motion(Term(EFFECTS[name], None, (late * DT,))) for name in LATE_BY
+    )
+    np.testing.assert_array_equal(points, same)
+    np.testing.assert_array_equal(seen[:-late], later[late:])
+    np.testing.assert_allclose(seen[:, -1], at_once[:, -1], atol=1e-12)  # the winch, to the end
+    assert abs(later[:, -1] - at_once[:, -1]).max() > 1e-3
+    _, between = motion(Term(EFFECTS["sensor_latency"], None, ((late - 0.5) * DT,)))
+    jump = abs(np.diff(at_once[:, -1])).max()
+    assert abs(between[:, -1] - at_once[:, -1]).max() < 0.3 * jump
+
+
+def of_truth(robot: Robot, name: str, seed: int) -> Trajectory:
+    """Points, encoders and load cells of a robot whose points or motors are late, by the other simulator."""
+    controls = script("random_steps", robot, 1.6, DT, np.random.default_rng(seed))
+    motion = TruthSimulator(robot, [HIDDEN[name](LATE)]).run(controls, DT)
+    rng = np.random.default_rng(draws.seed())
+    winch = motion.motor + rng.normal(0, NOISE["winch"], motion.motor.shape)
+    tension = motion.tension + rng.normal(0, NOISE["tension"], motion.tension.shape)
+    parts = (("winch", robot.winches, winch), ("tension", robot.cables, tension))
+    channels = [
+        MeasuredChannel(kind, part.name, values, NOISE[kind])
+        for kind, owners, table in parts
+        for part, values in zip(owners, table.T, strict=True)
+    ]
+    points = motion.seen + rng.normal(0, 1e-3, motion.seen.shape)
+    return Trajectory(Observation(points, winch), controls, DT, channels=tuple(channels))
+
+
+@pytest.mark.parametrize("name", LATE_BY)
+def test_late_points_are_told_from_late_commands_by_encoders(robot: Robot, name: str) -> None:
+    windows = Windows.cut(robot, [of_truth(robot, name, 1)], seconds=0.4)
+    costs = {}
+    for asked in LATE_BY:
+        fitter, term = fitter_of(windows, Plant(robot)), Term(EFFECTS[asked], None, (0.01,))
+        fit = fitter.fit(fitter.first_estimate((term,)), fitter.free((term,)), rounds=6)
+        costs[asked] = fit.cost
+        if asked == name:
+            # Steps of 5 ms in the plant, and of 1 ms in the other simulator.
+            assert fit.terms[0].values[0] == pytest.approx(LATE, abs=2.5e-3)
+    (other,) = set(LATE_BY) - {name}
+    assert costs[other] > costs[name] + 1000
+
+
+def test_compare_knows_that_points_are_late_and_channels_are_not(robot: Robot) -> None:
+    track, told = of_truth(robot, "sensor_latency", 2), ComparisonOptions(horizon=0.3, draws=40)
+    worst = {}
+    for name in LATE_BY:
+        plant = with_effects(Plant(robot), (Term(EFFECTS[name], None, (LATE,)),))
+        model = compare([Subject.of_plant(name, plant)], [track], told).models[0]
+        worst[name] = max(error.rms / error.by_noise for error in model.channels)
+    assert worst["sensor_latency"] < 1.5
+    assert worst["command_delay"] > 3.0
 
 
 def test_models_that_predict_only_points_are_tested_without_channels(robot: Robot) -> None:

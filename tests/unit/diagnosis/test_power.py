@@ -102,6 +102,28 @@ def test_twins_are_taken_for_each_other_and_nobody_else_is(found: Power, seed: i
     assert not by_name["winch_gain"].taken_for, seed
 
 
+def test_encoders_tell_late_points_from_late_commands(robot, hidden, library):
+    """A winch that hears commands late is elsewhere when its encoder is read."""
+    few = {name: library[name] for name in ("command_delay", "sensor_latency")}
+    plant, noise, controls = Plant(robot), 0.003 * robot.length, hidden.controls[:80]
+    encoders = [ChannelNoise(("winch", winch.name), 1e-4) for winch in robot.winches]
+    found = power(plant, controls, noise, few, channels=encoders)
+    assert found.by_points is not None
+    delay, late = (
+        next(p for p in found.prospects if p.candidate.label == name)
+        for name in ("command_delay", "sensor_latency")
+    )
+    assert all(p.taken_for for p in found.by_points.prospects)
+    assert not delay.taken_for and not late.taken_for
+    (bare,) = {round(p.smallest, 9) for p in found.by_points.prospects}
+    assert late.smallest < bare  # they tell where winches begin
+    # A position that is late by d is off by d times its rate, but for the mean: where it began is unknown.
+    winch = plant.winch(simulate_scripts(plant, controls[None]).states)[0]
+    rates = np.diff(winch, axis=0, prepend=winch[:1]) / plant.dt
+    size = delay.candidate.typical[0] * np.linalg.norm(rates - rates.mean(axis=0)) / 1e-4
+    assert delay.smallest == pytest.approx((5.0 + 1.645) / size, rel=0.25)  # and points tell some
+
+
 def test_more_noise_hides_more(robot, hidden, library):
     few = {name: library[name] for name in ("capstan", "winch_gain")}
     quiet, loud = (power(Plant(robot), hidden.controls[:80], s, few) for s in (0.002, 0.02))
