@@ -32,11 +32,17 @@ class WindowSettings:
         contain little information besides them.
       remnant: fraction of that length below which a recording gives no window if others do.
       least_measured: fraction of present samples that a window needs.
+      noise: standard deviation of each coordinate's noise [m]; 0 to estimate it from the recordings. Logs
+        that were filtered have lost it, and would be fitted to the last digit.
+      least_noise: estimated noise, in lengths of the robot, below which recordings seem to be filtered:
+        motion capture in a small volume has five times as much.
     """
 
     seconds: float = 1.8
     remnant: float = 0.5
     least_measured: float = 0.3
+    noise: float = 0.0
+    least_noise: float = 2e-6
 
 
 @dataclass(frozen=True)
@@ -407,7 +413,8 @@ class Limits:
         unnamed; a number of the MJCF that explains as much may be far off.
       tolerance: RMS model error that you accept; the search stops below it [m]; 0 to accept none.
       sure: standard deviations of the noise's own error, in addition to that.
-      correlated: correlation from sample to sample, likewise.
+      correlated: covariance of a residual from sample to sample, likewise, in variances of the noise; its
+        correlation where the residual is more than noise.
       outstanding: largest excess of one window, in standard deviations of noise.
       margin: factor on a model's own errors in a few draws, which are seldom the worst of them.
     """

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from flywheel.diagnosis import Diagnosis, Settings
     from flywheel.diagnosis.checks.localisation import Location
     from flywheel.dynamics.plant import Plant
+    from flywheel.records import Trajectory
 
 SHOWN = 10  # candidates in the table
 
@@ -43,6 +44,7 @@ def diagnose(
     unsure: Annotated[tuple[str, ...], "EFFECT=5%"] = (),
     window: Annotated[float | None, HORIZON_SECONDS] = None,
     model: TrainedOption = None,
+    noise: Annotated[str | None, "LENGTH"] = None,
     tolerance: Annotated[str | None, "LENGTH"] = None,
     settings: SettingStatements = (),
     minutes: Annotated[float | None, MINUTES] = None,
@@ -65,13 +67,13 @@ def diagnose(
       unsure: An uncertain number of the MJCF (with its standard deviation; up to three of these are
         allowed), such as cable_stiffness or body_mass: fitted together with everything else. Repeatable.
       window: Length of the windows, in seconds; by default suitable for the robot.
+      noise: Noise of each coordinate, such as 0.1mm, of logs that were filtered; by default it is estimated.
       tolerance: RMS model error that you accept, such as 2mm (beyond noise); the search stops below it.
       minutes: Stop after so many minutes with the best answer so far, as on Ctrl-C.
       page: Output file of the page.
       json: Output file of the answer as JSON.
     """
     from flywheel import diagnosis
-    from flywheel.cli.logs.reading import read_tracks
     from flywheel.cli.models import open_trained, opened
     from flywheel.reports.diagnosis_page import write_diagnosis
     from flywheel.runtime.pool.interrupts import StopRequest
@@ -80,10 +82,9 @@ def diagnose(
     check_outputs({"page": page, "JSON": json}, inputs=[*recordings, *held_out, *chosen.files])
     (plant, library), out = opened(chosen), console()
     robot, known = plant.robot, unsure_of(unsure)
-    asked, tuned = library.asked(effects, robot), _settings(settings, tolerance, plant)
+    asked, tuned = library.asked(effects, robot), _settings(settings, noise, tolerance, plant)
     tested = None if model is None else open_trained(model, robot).subject(robot, plant.threads)
-    logs = read_tracks(recordings, robot, plant.dt, out)
-    kept_aside = read_tracks(held_out, robot, plant.dt, out)
+    logs, kept_aside = _read(recordings, held_out, plant, tuned, out)
     with StopRequest() as stop:  # until the answer is written
         with console_progress().stage("diagnose", 1.0) as stage:
             told = stage.update, tested, known, stop, 60.0 * (minutes or math.inf)
@@ -91,8 +92,8 @@ def diagnose(
         _show(out, found, _again(chosen))
         about = _about(plant, found, recordings, held_out) | library.about
         out.say(f"Page: {write_diagnosis(found, page, about)}")
-        summary = _summary(plant, found, recordings, held_out)
-        out.keep_json(json, summary | library.provenance, allow_nan=False)
+        summary = _summary(plant, found, recordings, held_out) | library.provenance
+        out.keep_json(json, summary, allow_nan=False)
     raise typer.Exit(found.exit_code)
 
 
@@ -108,14 +109,36 @@ def _summary(
     }
 
 
-def _settings(statements: Sequence[str], tolerance: str | None, plant: Plant) -> Settings:
+def _settings(
+    statements: Sequence[str], noise: str | None, tolerance: str | None, plant: Plant
+) -> Settings:
     """Settings with the user's values."""
     from flywheel.diagnosis.settings import Settings, changed
 
-    changes = changes_of(statements)
-    if tolerance is not None:
-        changes["limits.tolerance"] = length_of(tolerance, plant.robot)
-    return changed(Settings(), changes)
+    lengths = {"windows.noise": noise, "limits.tolerance": tolerance}
+    given = {
+        path: length_of(text, plant.robot) for path, text in lengths.items() if text is not None
+    }
+    return changed(Settings(), changes_of(statements) | given)
+
+
+def _read(
+    recordings: Sequence[Path], held_out: Sequence[Path], plant: Plant, settings: Settings, out: Out
+) -> list[list[Trajectory]]:
+    """The logs to explain, and those held out; with a hint if the former seem to be filtered."""
+    from flywheel.cli.logs.reading import read_tracks
+    from flywheel.diagnosis import noise_floor
+
+    read = [read_tracks(each, plant.robot, plant.dt, out) for each in (recordings, held_out)]
+    given, least = settings.windows.noise, settings.windows.least_noise * plant.robot.length
+    noise = given or noise_floor([log.observations.points for log in read[0]])
+    if not given and noise < least:
+        out.say(
+            f"The estimated noise is {1000 * noise:.1g} mm: these logs seem to be filtered. Time steps and "
+            "fits will follow digits that no sensor measured, which takes long, and rarely ends at an "
+            "effect. Give the sensor's noise, such as --noise 0.1mm."
+        )
+    return read
 
 
 def _about(

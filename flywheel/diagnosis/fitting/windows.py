@@ -119,7 +119,7 @@ class Windows:
           robot: of the trajectories.
           trajectories: unbatched, of one control step.
           seconds: of a window; None for one that suits the robot's size.
-          sigma: noise of a coordinate [m]; None to estimate it.
+          sigma: noise of a coordinate [m]; None for that of the settings, or to estimate it.
           settings: of the diagnosis.
 
         Raises:
@@ -130,7 +130,7 @@ class Windows:
         steps_of = {round(t.dt, 9) for t in trajectories}
         if len(steps_of) > 1:
             raise DataError(f"Recordings need one control step, got {sorted(steps_of)} s.")
-        dt = trajectories[0].dt
+        dt, sigma = trajectories[0].dt, sigma or settings.noise or None
         wanted = seconds or settings.seconds * Scales.of(robot).time
         recordings = tuple(Recording.of(t) for t in trajectories)
         lengths = [len(log.controls) for log in recordings]

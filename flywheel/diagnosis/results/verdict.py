@@ -248,7 +248,7 @@ def only_noise(limits: Limits, left: Adequacy) -> bool:
     """True if only noise, or a tolerated residual, is left."""
     return tolerated(limits, left) or (
         left.noise < limits.max_residual_variance + limits.sure * left.doubt
-        and left.correlation < limits.correlated
+        and left.correlation * min(left.noise, 1.0) < limits.correlated
         and left.loudest < limits.outstanding
     )
 

@@ -14,7 +14,7 @@ from flywheel.cli.main import app
 from flywheel.diagnosis.heartbeat import Heartbeat
 from flywheel.robots import load_robot
 from flywheel.truth_simulator import hidden_effect
-from flywheel.truth_simulator.recording import record
+from flywheel.truth_simulator.recording import Measurement, record
 
 pytestmark = pytest.mark.slow
 COMMAND = ["diagnose", "monday.csv", "--robot", "platform4", "--effects", "winch_gain,slope"]
@@ -73,3 +73,19 @@ def test_what_is_tolerated_is_said_in_millimetres() -> None:
     assert "which is within the tolerance" in done.output
     wrong = CliRunner().invoke(app, [*COMMAND, "--tolerance", "2miles"])
     assert wrong.exit_code == 2
+
+
+def test_a_filtered_log_is_told_at_the_start_unless_its_noise_is_given() -> None:
+    robot = load_robot("platform4")
+    record(robot, [], seconds=0.8, seed=1, measurement=Measurement(noise=0.0)).write(
+        Path(), "monday", robot
+    )
+    short = [*COMMAND, "--minutes", "0.0001"]
+    assert "these logs seem to be filtered" in CliRunner().invoke(app, short).output
+    told = CliRunner().invoke(app, [*COMMAND, "--noise", "2mm", "--json", "answer.json"])
+    assert told.exit_code == 0 and "filtered" not in told.output, told.output
+    answer = json.loads(Path("answer.json").read_text())
+    assert answer["error"]["noise"] == pytest.approx(0.002)
+    assert answer["settings"] == {"windows.noise": 0.002}
+    wrong = CliRunner().invoke(app, [*COMMAND, "--noise", "none"])
+    assert wrong.exit_code == 2 and "A length, in mm" in wrong.output

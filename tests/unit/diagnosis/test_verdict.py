@@ -118,6 +118,8 @@ LOUD, LESS = (
     Adequacy(noise, 0.0, loudest=50.0, correlation=0.5, inconstancy=0.0, beyond_noise=1.0)
     for noise in (10.0, 4.6)
 )
+# Of a log whose noise is that of a sensor, and was filtered out.
+SMOOTH = Adequacy(0.01, 0.0, loudest=0.0, correlation=0.9, inconstancy=0.0, beyond_noise=0.0)
 SHOWN, UNSURE = (cast(Found, SimpleNamespace(shown=shown)) for shown in (True, False))
 NOTHING = Facts(Limits(), (), LOUD, QUIET)
 FOUND = replace(NOTHING, answer=(SHOWN,))
@@ -135,6 +137,8 @@ TOLERANT = Limits(tolerance=2.0)
     ("facts", "changes", "verdict"),
     [
         (NOTHING, {}, "NOISE_ONLY"),
+        (NOTHING, {"after": SMOOTH}, "NOISE_ONLY"),
+        (NOTHING, {"after": replace(SMOOTH, noise=0.5)}, "OUTSIDE_LIBRARY"),
         (NOTHING, {"blind": True}, "DATA_INSUFFICIENT"),
         (NOTHING, {"after": LESS}, "OUTSIDE_LIBRARY"),
         (NOTHING, {"after": LESS, "limits": TOLERANT}, "NOISE_ONLY"),

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from flywheel.diagnosis.fitting.windows import Windows, filled_in, noise_floor
+from flywheel.diagnosis.settings import WindowSettings
 from flywheel.errors import DataError
 from flywheel.records import Observation, Trajectory
 from flywheel.robots import Robot, load_robot
@@ -43,6 +44,14 @@ def test_recordings_of_two_rates_are_refused(robot: Robot, trajectory: Trajector
     other = dataclasses.replace(trajectory, dt=0.02)
     with pytest.raises(DataError, match=r"one control step, got \[0.01, 0.02\]"):
         Windows.cut(robot, [trajectory, other])
+
+
+def test_a_noise_that_was_given_is_not_estimated(robot: Robot, trajectory: Trajectory) -> None:
+    given = WindowSettings(noise=0.004)
+    for sigma, wanted in ((None, 0.004), (0.002, 0.002)):
+        windows = Windows.cut(robot, [trajectory], sigma=sigma, settings=given)
+        assert (windows.sigma, windows.doubt) == (wanted, 0.0)
+    assert Windows.cut(robot, [trajectory]).doubt > 0.0
 
 
 def moving(rng: np.random.Generator, samples: int = 400) -> np.ndarray:
