@@ -127,7 +127,7 @@ def _check_usable(
 def _in_two_scales(search: Callable[..., Searched], heartbeat: Heartbeat) -> Searched:
     """A search with noise, or, if no model fits to noise level, with an additional model discrepancy.
 
-    The residual of the best model is estimated again until it is stable.
+    The residual of the best model is estimated again until it is stable; one that is tolerated, never.
 
     Args:
       search: takes a model discrepancy [m].
@@ -139,7 +139,7 @@ def _in_two_scales(search: Callable[..., Searched], heartbeat: Heartbeat) -> Sea
         fitter, last = searched.search.fitter, searched.models[-1]
         noise = fitter.windows.noise
         loud = np.hypot(noise, last.test.beyond_noise(fitter)) > settings.least * noise
-        if not (loud and np.isfinite(last.fit.cost)):
+        if not (loud and np.isfinite(last.fit.cost)) or searched.search.tolerates(last):
             break
         found = model_discrepancy(fitter, last.fit)
         if max(found, known) <= settings.least * min(found, known):

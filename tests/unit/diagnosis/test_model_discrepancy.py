@@ -6,6 +6,7 @@ import pytest
 from flywheel.diagnosis import Verdict, diagnose
 from flywheel.diagnosis.checks.model_discrepancy import long_run_variance
 from flywheel.diagnosis.fitting.windows import Windows
+from flywheel.diagnosis.settings import changed
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import NAMED, Term
 from flywheel.reports.diagnosis_page import diagnosis_page, scale
@@ -61,6 +62,16 @@ def test_what_is_left_beside_a_scale_of_its_own_is_left_all_the_same(platform: R
     assert answer.location is not None
     assert scale(answer) in diagnosis_page(answer, {})
     assert answer.summary()["model_discrepancy"]["value"] == answer.model_discrepancy
+
+
+def test_what_is_tolerated_gets_no_scale_of_its_own(platform: Robot) -> None:
+    log = recorded(platform, HIDDEN, draws.seed(), noise=5e-5)
+    tolerant = changed(QUICK, {"limits.tolerance": 0.05})
+    few = {"winch_gain": NAMED["winch_gain"]}
+    answer = diagnose(Plant(platform), [log], (), few, tolerant)
+    assert answer.verdict is Verdict.NOISE_ONLY
+    assert answer.model_discrepancy == 0.0
+    assert answer.after.beyond_noise > 2.0 * answer.errors.noise
 
 
 @pytest.mark.slow
