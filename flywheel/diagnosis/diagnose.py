@@ -148,9 +148,12 @@ def _in_two_scales(search: Callable[..., Searched], heartbeat: Heartbeat) -> Sea
         known = found
         heartbeat.phase("fit", *PHASES[1:])
         again = partial(search, discrepancy=known)
-        searched = heartbeat.in_time(
-            again, searched, ("repeating with another estimate of the model discrepancy")
+        repeated = heartbeat.in_time(
+            again, searched, "repeating with another estimate of the model discrepancy"
         )
+        if heartbeat.stopped():  # in the middle of it: what was found before is more
+            break
+        searched = repeated
     return searched
 
 

@@ -6,6 +6,7 @@ import pytest
 from flywheel.diagnosis import Verdict, diagnose
 from flywheel.diagnosis.checks.model_discrepancy import long_run_variance
 from flywheel.diagnosis.fitting.windows import Windows
+from flywheel.diagnosis.heartbeat import Heartbeat
 from flywheel.diagnosis.settings import changed
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import NAMED, Term
@@ -72,6 +73,28 @@ def test_what_is_tolerated_gets_no_scale_of_its_own(platform: Robot) -> None:
     assert answer.verdict is Verdict.NOISE_ONLY
     assert answer.model_discrepancy == 0.0
     assert answer.after.beyond_noise > 2.0 * answer.errors.noise
+
+
+@pytest.mark.slow
+def test_a_repetition_that_is_stopped_loses_nothing(platform: Robot, monkeypatch) -> None:
+    hidden = (*HIDDEN, Term(NAMED["winch_gain"], None, (0.3,)))
+    log, notes, said = recorded(platform, hidden, draws.seed(), noise=5e-5), [], Heartbeat.__call__
+
+    def noted(self: Heartbeat, note: str) -> None:
+        notes.append(note)
+        said(self, note)
+
+    def in_the_repetition() -> bool:
+        begun = [i for i, note in enumerate(notes) if "repeating" in note]
+        return bool(begun) and any(note.startswith("fitting") for note in notes[begun[0] :])
+
+    monkeypatch.setattr(Heartbeat, "__call__", noted)
+    few = {"winch_gain": NAMED["winch_gain"]}
+    answer = diagnose(Plant(platform), [log], (), few, QUICK, stop=in_the_repetition)
+    assert answer.interrupted
+    assert [found.term.effect.name for found in answer.answers[0]] == ["winch_gain"]
+    assert answer.verdict is not Verdict.NOT_CONVERGED
+    assert answer.errors.augmented < 0.8 * answer.errors.baseline
 
 
 @pytest.mark.slow
