@@ -3,6 +3,7 @@
     git clone https://github.com/StanfordASL/trunk-stack CHECKOUT
     python -m benchmarks.trunk CHECKOUT/stack/main/data/trajectories/dynamic/servo_motor_archive FOLDER
     python -m benchmarks.tables              makes the table of docs/results/trunk.md
+    python -m benchmarks.trunk ARCHIVE FOLDER --logs        writes trunk.xml, and three logs for a diagnosis
 
 The log (MIT licence) has the angles that the motors were told and those that they had, and the centres of
 three discs, at 100 Hz for 150 s. The MJCF is crude: a disc is a mass at its centre, the backbone three
@@ -24,6 +25,7 @@ import numpy as np
 
 from benchmarks.rows import RESULTS, grouped, write_rows
 from flywheel.data import SplitSource, TrajectoryStore, WindowCache
+from flywheel.data.recordings import write_recording
 from flywheel.dynamics.baselines.named import BASELINES
 from flywheel.dynamics.baselines.weights import FITTED
 from flywheel.dynamics.gnn import LearnedDynamics, NetworkConfig, load_weights
@@ -60,6 +62,7 @@ SPINE, SPINE_DAMPING = 2000.0, 5.0  # of the backbone's springs [N/m, N s/m]
 PULLED = 0.01  # by which cables are stretched at rest [m]
 LAG = 0.15  # of the motors [s]
 LEARNED, TESTED = range(50, 12_000), range(12_050, 15_000)  # rows of the log
+DAYS, DAY = {"monday": 2000, "tuesday": 6000, "friday": 12_500}, 301  # logs of the diagnosis [rows]
 LONG = {"learned": 1000, "tested": 700}  # of an episode [rows]
 VALIDATED = (3, 8)  # episodes of the learned rows that only decide which step is kept
 SPLITS: tuple[Split, ...] = ("train", "validation")
@@ -315,6 +318,7 @@ def main() -> None:
     )
     parser.add_argument("archive", type=Path)
     parser.add_argument("folder", type=Path)
+    parser.add_argument("--logs", action="store_true")
     parser.add_argument("--steps", type=int, default=700)
     parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2])
     given = parser.parse_args()
@@ -322,6 +326,11 @@ def main() -> None:
     trunk = Trunk(log.rest, log.pulls())
     write_output(given.folder / "trunk.xml", trunk.mjcf())
     robot = read_robot(trunk.mjcf())
+    if given.logs:
+        for day, first in DAYS.items():
+            (part,) = trunk.episodes(log, robot, range(first, first + DAY), DAY)
+            write_recording(part, given.folder / f"{day}.csv", robot)
+        return
     learned = trunk.episodes(log, robot, LEARNED, LONG["learned"])
     tested = trunk.episodes(log, robot, TESTED, LONG["tested"])
     rows, models = [], {}
