@@ -7,6 +7,7 @@ raises instead of decoding to other numbers.
 
 from __future__ import annotations
 
+import atexit
 from collections.abc import Mapping
 from typing import Any, cast
 
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from zarr.abc.store import Store
 from zarr.codecs import BloscCodec, Crc32cCodec
 from zarr.core.buffer import Buffer, default_buffer_prototype
+from zarr.core.sync import cleanup_resources
 from zarr.storage import MemoryStore
 
 from flywheel.errors import DataError
@@ -23,6 +25,8 @@ from flywheel.errors import DataError
 CHUNK_ROWS = 4096  # 41 s of an episode: all of it is read at once
 MOST_TIMES_LARGER = 20_000  # times its file an array may be: zeros compress 4 300 times
 Files = dict[str, bytes]
+# It allows its thread a fifth of a second to end, and shows a traceback if a busy machine takes longer.
+atexit.unregister(cleanup_resources)
 
 
 def encode(arrays: Mapping[str, NDArray[Any]], attributes: dict[str, Any]) -> Files:

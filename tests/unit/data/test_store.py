@@ -406,3 +406,13 @@ def test_a_url_of_another_kind_is_refused():
 def replaced(episode: Episode, **changes: object) -> Episode:
     trajectory: Trajectory = dataclasses.replace(episode.trajectory, **changes)  # type: ignore[arg-type]
     return dataclasses.replace(episode, trajectory=trajectory)
+
+
+def test_a_process_whose_threads_are_slow_to_end_ends_without_a_word():
+    slow = (
+        "import time; import numpy as np; from zarr.core import sync;"
+        "from flywheel.data.zarr_files import encode; encode({'a': np.ones(3)}, {});"
+        "sync.loop[0].call_soon_threadsafe(time.sleep, 2)"
+    )
+    done = subprocess.run([sys.executable, "-c", slow], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
