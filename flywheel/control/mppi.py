@@ -113,7 +113,7 @@ class Mppi:
         robot, config = self.dynamics.robot, self.config
         low, range_ = robot.rest_low, robot.rest_high - robot.rest_low
         kept = plan[None] if self._elites is None else np.concatenate([plan[None], self._elites])
-        kept = kept[: config.samples]
+        kept = kept[: max(1, config.samples // 2)]
         left = config.samples - len(kept)
         fresh, turns = round(config.fresh * left), round(config.turning * left)
         turns = min(turns, left - fresh)  # both may be rounded up

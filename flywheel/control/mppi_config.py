@@ -28,7 +28,8 @@ class MppiConfig(Frozen):
       noise: standard deviation of a knot, as a fraction of the winch's range of rest lengths.
       smoothness: correlation of the noise from knot to knot.
       narrowing: factor on the noise from each round to the next.
-      elites: best plans that are kept for the next round, and for the next plan.
+      elites: best plans that are kept for the next round, and for the next plan; with the plan itself at
+        most half of the samples, so that a search goes on with few of them, too.
       fresh: fraction of the samples that do not start from the plan: every winch strokes to an end
         or to the middle of its range.
       fresh_seconds: duration of such a stroke [s].

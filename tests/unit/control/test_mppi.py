@@ -1,4 +1,5 @@
 import dataclasses
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -273,3 +274,9 @@ def test_few_samples_are_as_legal_as_many(gantry, task, past, samples, fresh, ro
     for _ in range(3):
         controls = mppi.act(past).controls
         assert (controls >= robot.control_low).all() and (controls <= robot.control_high).all()
+
+
+def test_few_samples_with_many_elites_are_still_searched(gantry, task, past):
+    mppi = planner(gantry, task, samples=4, elites=8)
+    plans = [mppi.act(past).controls for _ in range(4)]
+    assert not any(np.array_equal(one, other) for one, other in pairwise(plans))
