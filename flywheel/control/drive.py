@@ -18,6 +18,7 @@ import numpy as np
 from flywheel.control.closed_loop import checked_controls, steps_of, telemetry_of
 from flywheel.control.episode_log import EpisodeLog
 from flywheel.control.protocol import Command, Controller, EpisodeOrder
+from flywheel.data.recordings.geometry import distances, median, pairs
 from flywheel.dynamics.plant import Reckoning
 from flywheel.errors import LinkError, ModelError
 from flywheel.records import Episode, Floats, Observation, Outcome, Past, Provenance
@@ -29,6 +30,10 @@ from flywheel.tasks import Task
 
 VALID = 0.1  # how long a command stays valid if no other follows [s]: then the driver is taken to be lost
 LEAST_PERIODS = 5  # the same in control periods
+BLIND = 5.0  # longest time without a measured point; then the robot is taken to be lost [s]
+OTHER_SIZE = (
+    2.0  # times the distances of points on a body by the MJCF, which no noise makes of them
+)
 Ending = Literal["goal", "time", "lost", "failed", "stopped"]
 TaskOf = Callable[[Floats], Task | None]
 OnStep = Callable[[int, Sample], None]
@@ -62,6 +67,7 @@ class _Going:
     planner: Planner
     task: Task | None
     last_seen: Floats
+    last_row: int = 0
     skipped: int = 0
     reached: bool = False
 
@@ -96,13 +102,14 @@ def drive(
 
     Raises:
       ConfigError: the order is of less than one step.
-      LinkError: the robot is another one, or is lost before the first step.
+      LinkError: the robot is another one, measures in other units, or is lost before the first step.
       ModelError: likewise for the controller: its commands have a wrong shape, or its model
         diverged.
     """
     link.info.check_is(robot)
     link.reset(order.seed)
     first = link.info.check(link.observe())
+    _check_size(first.points, robot)
     seen = without_gaps(first.points)
     task = task_of(seen)
     steps = steps_of(order, task, link.info.period)
@@ -192,12 +199,33 @@ def _go(
         if newest < row <= log.done and row > 0:
             log.see(_observation(sample), row)
             newest = row
+            going.last_row = row if sample.valid.any() else going.last_row
             going.last_seen = np.where(sample.valid[:, None], sample.points, going.last_seen)
             if going.task is not None:
                 _arrive(going, sample)
+        if (log.done - going.last_row) * dt > BLIND:
+            raise LinkError(
+                f"No point of the robot was measured for {BLIND:g} s; its newest stamp is "
+                f"{sample.stamp:.3f} s, at {sample.time:.3f} s of its clock."
+            )
         if on_step is not None:
             on_step(log.done, sample)
     return "goal" if going.reached else "time"
+
+
+def _check_size(points: Floats, robot: Robot) -> None:
+    """Reject a robot whose measured points (P, 3) are in other units, or in another order.
+
+    Raises:
+      LinkError: distances on its bodies are usually those of a robot of another size.
+    """
+    rods = pairs(robot)
+    ratio = median(distances(points, rods) / np.array([rod.distance for rod in rods]))
+    if ratio > OTHER_SIZE or ratio < 1 / OTHER_SIZE:
+        raise LinkError(
+            f"Measured points on one body are usually {ratio:.4g} times as far apart as in the MJCF of "
+            f"{robot.name}; they must be in metres, and in its order."
+        )
 
 
 def _arrive(going: _Going, sample: Sample) -> None:

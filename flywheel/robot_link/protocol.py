@@ -76,9 +76,10 @@ class RobotInfo:
                 f"{self.name} has {len(self.points)} points and {len(self.winches)} winches; it measured "
                 f"points of the shape {shapes[0]} and winches of the shape {shapes[1]}."
             )
-        if not np.isfinite([sample.time, sample.stamp]).all():
+        if not np.isfinite(sample.time) or not sample.stamp <= sample.time + self.period:
             raise LinkError(
-                f"{self.name} gave the time {sample.time} and the stamp {sample.stamp}."
+                f"{self.name} gave the time {sample.time:g} s and the stamp {sample.stamp:g} s: a "
+                "measurement is stamped by the robot's own clock, before it arrives."
             )
         return sample
 

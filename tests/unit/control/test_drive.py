@@ -1,6 +1,7 @@
 """Driving through a link: in lockstep and in real time, to the goal or to whatever ends it."""
 
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -200,6 +201,8 @@ def test_a_planner_that_fails_loses_nothing_that_was_measured(robot: Robot) -> N
     [
         (Sample(0.0, 0.0, np.zeros((5, 3)), np.zeros(6)), "6 points and 6 winches; it measured"),
         (Sample(np.nan, 0.0, np.zeros((6, 3)), np.zeros(6)), "gave the time nan"),
+        (Sample(0.0, np.nan, np.zeros((6, 3)), np.zeros(6)), "the stamp nan s"),
+        (Sample(1.0, 1.8e9, np.zeros((6, 3)), np.zeros(6)), "time 1 s and the stamp 1.8e.09 s"),
     ],
 )
 def test_measurements_that_cannot_be_are_refused(robot, wrong, message, monkeypatch):
@@ -207,6 +210,50 @@ def test_measurements_that_cannot_be_are_refused(robot, wrong, message, monkeypa
     monkeypatch.setattr(link, "observe", lambda: wrong)
     with pytest.raises(LinkError, match=message):
         driven(link, robot, Planner())
+
+
+@pytest.mark.parametrize("scale", [1000.0, 100.0, 0.001])
+def test_points_in_other_units_are_refused_before_a_command(robot, scale, monkeypatch):
+    link = Clockwork(robot)
+    seen, planner = link.observe, Planner()
+    monkeypatch.setattr(link, "observe", lambda: replace(s := seen(), points=scale * s.points))
+    with pytest.raises(LinkError, match=f"usually {scale:g} times as far apart"):
+        driven(link, robot, planner)
+    assert not planner.pasts
+
+
+@pytest.mark.parametrize("how", ["hidden", "stamps of another clock", "one stamp"])
+def test_a_robot_that_is_no_longer_seen_is_lost_with_what_was_measured(robot, how, monkeypatch):
+    link = Clockwork(robot)
+    seen = link.observe
+
+    def observe() -> Sample:
+        sample = seen()
+        if link.looks <= 10:
+            return sample
+        if how == "hidden":
+            return replace(sample, points=np.full_like(sample.points, np.nan))
+        return replace(sample, stamp=0.09 if how == "one stamp" else sample.stamp - 1e6)
+
+    monkeypatch.setattr(link, "observe", observe)
+    done = driven(link, robot, Planner(), seconds=8.0)
+    assert (done.ended, link.stopped) == ("lost", True)
+    assert "No point of the robot was measured for 5 s" in done.why
+    points = done.episode.trajectory.observations.points
+    assert len(points) == 10 + 501
+    assert np.isfinite(points[:10]).all() and np.isnan(points[10:]).all()
+
+
+def test_points_that_are_hidden_for_seconds_and_come_back_are_no_loss(robot, monkeypatch):
+    link = Clockwork(robot)
+    seen = link.observe
+
+    def observe() -> Sample:
+        sample, away = seen(), 10 < link.looks <= 500
+        return replace(sample, points=np.where(away, np.nan, sample.points))
+
+    monkeypatch.setattr(link, "observe", observe)
+    assert driven(link, robot, Planner(), seconds=5.5).ended == "time"
 
 
 def test_ctrl_c_ends_the_drive_and_stops_the_robot(robot: Robot) -> None:
