@@ -44,6 +44,11 @@ def test_evaluate_scores_subsets_apart(stranger: Stranger) -> None:
 
     assert sum(kind in apart for kind in ("gait:", "random", "drop", "mppi ")) >= 2
     assert predictions(apart) == predictions(whole) > 0
+    assert not re.search(r"^\W+noise ", whole, re.M), "simulated episodes have none"
+    by_source, _ = stranger.ask(f"flywheel evaluate {RUN} {settings} --by source")
+    assert re.findall(r"^\W+(\w+)\W+noise ", by_source, re.M) == ["recording"]
+    _, refused = stranger.ask(f"flywheel evaluate {RUN} --horizon 100", code=2)
+    assert "No test episode has 100 s to predict; the longest is of" in refused
     _, refused = stranger.ask(f"flywheel evaluate {RUN} --by controler", code=2)
     assert "Did you mean 'controller'" in refused
 

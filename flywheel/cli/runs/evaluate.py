@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING
 from flywheel.cli.console import console, table
 from flywheel.cli.options import RunArgument
 from flywheel.quantities import HorizonSeconds, Samples
+from flywheel.records import RECORDING
 
 if TYPE_CHECKING:
     from flywheel.cli.runs.opening import OpenRun
+    from flywheel.data.catalogue import EpisodeSummary
     from flywheel.results import ErrorNumbers
     from flywheel.runtime.workers.model_weights import AnyWeights
     from flywheel.runtime.workers.sim_worker import Baseline, Scores
@@ -49,7 +51,7 @@ def evaluate(
     from flywheel.cli.runs.opening import open_run
 
     opened = open_run(run)
-    episodes = _episodes_of(opened, split)
+    episodes = _episodes_of(opened, split, horizon)
     groups = _groups(opened, episodes, by)
     changed = {"horizon_seconds": horizon, "starts": starts}
     evaluate = opened.config.evaluate.model_copy(update=changed)
@@ -62,13 +64,14 @@ def evaluate(
     out.print(table(title, columns, rows))
     out.say(
         "full: whole episodes, from their start. floor: MuJoCo from the same observations, with "
-        "a random roll of each rod. informed floor: with the roll computed from the cables."
+        "a random roll of each rod. informed floor: with the roll computed from the cables. noise: of "
+        "recordings, a perfect model's errors."
     )
 
 
 def _rows(
     run: OpenRun,
-    groups: dict[str, list[str]],
+    groups: dict[str, list[EpisodeSummary]],
     subjects: dict[str, AnyWeights | Baseline],
     full: bool,
 ) -> list[tuple[object, ...]]:
@@ -76,7 +79,7 @@ def _rows(
     from flywheel.runtime.pool.progress import console_progress
     from flywheel.runtime.run.folder import name_of
     from flywheel.runtime.workers.episode_plan import derive_seed
-    from flywheel.runtime.workers.sim_worker import SimWorker
+    from flywheel.runtime.workers.sim_worker import Baseline, SimWorker
 
     config, apart = run.config, list(groups) != ["all"]
     worker = SimWorker(config, run.folder.store_url(config), run.robot)
@@ -87,45 +90,58 @@ def _rows(
     }
     latest = run.result.effects_before(config.iterations + 1)
     rows: list[tuple[object, ...]] = []
-    asked = [(name, group) for group in groups for name in subjects]
+    asked = [
+        (name, group)
+        for group, episodes in groups.items()
+        for name in subjects  # a simulated episode is compared with its true states, which have no noise
+        if subjects[name] is not Baseline.NOISE
+        or all(each.source == RECORDING for each in episodes)
+    ]
     with console_progress().stage("score", len(asked)) as stage:
         for done, (name, group) in enumerate(asked):
             stage.update(done, f"{name}, {group}" if apart else name)
             effects = known.get(name, latest)
-            found = worker.score(subjects[name], groups[group], seed, full, effects)
+            ids = [each.id for each in groups[group]]
+            found = worker.score(subjects[name], ids, seed, full, effects)
             rows.append((*((group,) if apart else ()), name, *_row(found)))
     return rows
 
 
-def _episodes_of(run: OpenRun, split: str) -> list[str]:
-    """Ids of the episodes of one split, in every committed segment."""
+def _episodes_of(run: OpenRun, split: str, horizon: float) -> list[EpisodeSummary]:
+    """The episodes of one split, in every committed segment; one at least is as long as the horizon [s]."""
     from flywheel.errors import DataError
 
     if split not in SPLITS:
         raise DataError(f"There is no split {split!r}. Known: {', '.join(SPLITS)}.")
     store = run.store
     found = [
-        episode.id
+        episode
         for segment in sorted(store.committed())
         for episode in store.episodes(segment)
         if episode.split == split and episode.iteration >= 0  # not the oracle's
     ]
     if not found:
         raise DataError(f"The run in {run.folder.path} has no {split} episodes.")
+    if horizon > (longest := max(episode.seconds for episode in found)):
+        raise DataError(
+            f"No {split} episode has {horizon:g} s to predict; the longest is of {longest:g} s (--horizon)."
+        )
     return found
 
 
-def _groups(run: OpenRun, episodes: list[str], by: str) -> dict[str, list[str]]:
-    """Ids of the episodes of each subset."""
+def _groups(
+    run: OpenRun, episodes: list[EpisodeSummary], by: str
+) -> dict[str, list[EpisodeSummary]]:
+    """The episodes of each subset."""
     from flywheel.evaluation import BINS
     from flywheel.registry import lookup
 
     bin_of = lookup(BINS, by, "subset of episodes")
     if by == "all":
         return {"all": episodes}
-    groups: dict[str, list[str]] = {}
-    for name in episodes:
-        groups.setdefault(bin_of(run.store.read(name)), []).append(name)
+    groups: dict[str, list[EpisodeSummary]] = {}
+    for each in episodes:
+        groups.setdefault(bin_of(run.store.read(each.id)), []).append(each)
     return dict(sorted(groups.items()))
 
 

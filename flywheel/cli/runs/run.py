@@ -79,7 +79,7 @@ COLUMNS = (
     "full e_rot [deg]",
     "#reached",
     "time to goal [s]",
-    "champion",
+    "became champion",
 )
 
 
