@@ -285,6 +285,8 @@ def study(
     ResidualWeights.of(found.model).write(bench.folder / f"{name}.model.npz", found.notes())
     network, network_seconds = None, 0.0
     if config is not None:
+        seeded = config.training.model_copy(update={"seed": seed})
+        config = config.model_copy(update={"training": seeded})
         weights, network_seconds = network_of(bench, name, learned, config)
         network = bench.errors(weights, judged)
     return ResidualStudy(
@@ -414,7 +416,7 @@ def main() -> None:
     for seed, minutes, hidden in itertools.product(given.seeds, given.minutes, given.hidden):
         file = given.folder / f"{hidden}-s{seed}-{minutes:g}min.json"
         if not file.exists():
-            overrides = [*NETWORK_NOISE, f"training.seed={seed}", *given.set]
+            overrides = [*NETWORK_NOISE, *given.set]
             config = load_config(config_file(ROBOT), overrides) if given.network else None
             result = study(bench, hidden, seed, minutes, config)
             write_output(file, result.model_dump_json(indent=1) + "\n")

@@ -98,4 +98,5 @@ def differences(old: Any, new: Any, path: str = "") -> Iterator[str]:
             where = f"{path}.{key}" if path else str(key)
             yield from differences(old.get(key, "(not set)"), new.get(key, "(not set)"), where)
     elif old != new:
-        yield f"{path}: {str(old)[:LONGEST_PROBLEM]} -> {str(new)[:LONGEST_PROBLEM]}"
+        before, after = (str(each)[:LONGEST_PROBLEM] or "''" for each in (old, new))
+        yield f"{path}: {before} -> {after}"

@@ -25,7 +25,6 @@ from flywheel.effects.adopted import plant_file
 from flywheel.effects.libraries import with_laws
 from flywheel.effects.own import LawFile, check_different
 from flywheel.errors import ConfigError
-from flywheel.records import RECORDING
 from flywheel.registry import lookup
 from flywheel.robots import Robot, load_robot
 from flywheel.runtime.workers.model_weights import TrainedModel
@@ -204,8 +203,7 @@ def open_trained(spec: str, robot: Robot) -> TrainedModel:
 def _of_run(name: str, folder: Path, model: str) -> TrainedModel:
     run = open_run(folder)
     iteration = run.iteration(model) if model else run.champion()
-    # A run that learned from recordings has a data set of their own; no other knows that input.
-    dataset = run.config.dataset_numbers()[RECORDING] if run.config.collect.recordings else 0
+    dataset = run.config.recording_number
     effects = run.result.effects_before(iteration.iteration + 1)
     library = run.config.library() if effects else NAMED  # law files are the run's own copies
     return TrainedModel(name, run.weights(iteration), dataset, effects, library)

@@ -57,19 +57,51 @@ def open_link(
     return link
 
 
+def check_way(where: str, stand_in: StandInConfig, arguments: Mapping[str, Any]) -> None:
+    """Check an address of `open_link`, and what is given beside it.
+
+    Raises:
+      ConfigError: it is none, or a robot there takes no description of a stand-in, or no arguments.
+    """
+    if is_tcp(where) or _is_ros(where):
+        _address(where)
+    elif where != SIMULATED:
+        module, colon, name = where.partition(":")
+        if not colon or not all(part.isidentifier() for part in (*module.split("."), name)):
+            raise ConfigError(f"A robot is reached by {WAYS}, got {where!r}.")
+    if where != SIMULATED and (told := stand_in.model_dump(exclude_defaults=True)):
+        raise ConfigError(
+            f"A stand-in ({', '.join(told)}) goes with {SIMULATED}, got {where!r}, a robot with its own "
+            "physics."
+        )
+    if arguments and (where == SIMULATED or is_tcp(where)):
+        raise ConfigError(
+            f"Arguments ({', '.join(arguments)}) are those of {ROS}:// or of MODULE:CLASS; {where!r} takes "
+            "none."
+        )
+
+
+def is_tcp(where: str) -> bool:
+    """True for the address of a robot's own server."""
+    return where == TCP or where.startswith(f"{TCP}://")
+
+
+def _is_ros(where: str) -> bool:
+    return where == ROS or where.startswith(f"{ROS}://")
+
+
 def _opened(
     where: str, robot: Robot, period: float, stand_in: StandInConfig, arguments: Mapping[str, Any]
 ) -> RobotLink:
+    check_way(where, stand_in, arguments)
     if where == SIMULATED:
         return SimulatedLink(robot, stand_in, period)
-    if where == TCP or where.startswith(f"{TCP}://"):
-        return TcpLink(*_address(where, TCP, PORT))
-    if where == ROS or where.startswith(f"{ROS}://"):
-        host, port = _address(where, ROS, BRIDGE_PORT)
+    if is_tcp(where):
+        return TcpLink(*_address(where))
+    if _is_ros(where):
+        host, port = _address(where)
         return _made(RosLink, where, robot, {"period": period, **arguments}, host=host, port=port)
-    module, colon, name = where.partition(":")
-    if not colon or not all(part.isidentifier() for part in (*module.split("."), name)):
-        raise ConfigError(f"A robot is reached by {WAYS}, got {where!r}.")
+    module, _, name = where.partition(":")
     made = _made(_class(module, name), where, robot, arguments)
     if not isinstance(made, RobotLink):
         raise ConfigError(
@@ -90,10 +122,12 @@ def _made(
         ) from None
 
 
-def _address(where: str, scheme: str, usual: int) -> tuple[str, int]:
+def _address(where: str) -> tuple[str, int]:
+    """Host and port of an address of TCP or ROS."""
+    scheme = where.partition("://")[0]
     try:
         parts = urlsplit(where if "://" in where else f"{where}://")
-        port = parts.port or usual
+        port = parts.port or (PORT if scheme == TCP else BRIDGE_PORT)
     except ValueError:
         raise ConfigError(f"{where!r} has no port from 1 to 65535.") from None
     if parts.path or parts.query or parts.username:

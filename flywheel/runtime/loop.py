@@ -15,7 +15,7 @@ from flywheel.reports import write_report
 from flywheel.results import RESULT_FILE, ErrorNumbers, IterationResult, RobotResult, RunResult
 from flywheel.robots import Robot
 from flywheel.run_identity import Identity
-from flywheel.runtime.config.run_config import RunConfig, WorkersConfig
+from flywheel.runtime.config.run_config import RunConfig, WorkersConfig, continued
 from flywheel.runtime.pool.interrupts import Interrupted, StopRequest
 from flywheel.runtime.pool.jobs import Group
 from flywheel.runtime.pool.lock import hold
@@ -84,8 +84,7 @@ def run(
     local_cores = cores_of(config.workers, address)
     files = RunFolder(Path(folder).absolute())
     check_folder(files.path, "folder of the run", ConfigError)
-    if (episodes := local_folder(files.store_url(config))) is not None:
-        check_folder(episodes, "store", ConfigError)
+    _check_store(files.store_url(config))
     if tracked and not config.tracking.uri:
         database_uri(files.path / DATABASE)  # refused before anything is there
     if not files.config_file.exists():  # a run that is refused leaves nothing
@@ -93,7 +92,7 @@ def run(
     files.path.mkdir(parents=True, exist_ok=True)
     with hold(files.lock, f"The run in {folder}"):
         identity = files.begin(config, resume)
-        config = files.config()  # from here on only the robot's workers know the stand-in
+        config = continued(files.config(), config)  # only the robot's workers know the stand-in
         robot = files.robot(config)
         check_sound(files, TrajectoryStore(files.store_url(config)))
         if (done := finished_run(files)) is not None:
@@ -113,6 +112,13 @@ def run(
             with _pool(config, files, robot, ray, cores, stop) as pool:
                 store = TrajectoryStore(files.store_url(config))
                 return finish(Run(config, files, robot, store, pool, tracker, progress), identity)
+
+
+def _check_store(url: str) -> None:
+    """Reject a store that is nowhere, before anything is there."""
+    TrajectoryStore(url)
+    if (episodes := local_folder(url)) is not None:
+        check_folder(episodes, "store", ConfigError)
 
 
 def finished_run(files: RunFolder) -> RunResult | None:

@@ -35,7 +35,6 @@ from flywheel.runtime.config.run_config import (
     RunConfig,
     config_digest,
     load_config,
-    load_stored_config,
 )
 from flywheel.runtime.pool.progress import Stage
 from flywheel.runtime.run.folder import RunFolder
@@ -290,7 +289,7 @@ def config_of(source: Path, overrides: list[str]) -> RunConfig:
     if not source.is_dir():
         return load_config(source, overrides)
     RunFolder(source).config()  # refused where it is not what the run was begun with
-    return load_stored_config(source / "config.yaml", overrides)
+    return load_config(source / "config.yaml", overrides, stored=True)
 
 
 def known_effects(source: Path, config: RunConfig, overrides: tuple[str, ...]) -> Effects:

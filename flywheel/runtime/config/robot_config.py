@@ -8,10 +8,11 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
+from flywheel.errors import ConfigError
 from flywheel.outputs import write_output
 from flywheel.quantities import Bounds, Episodes, EpisodeSeconds, Name, PartialShare, Place
 from flywheel.robot_link import StandInConfig
-from flywheel.robot_link.opening import SIMULATED
+from flywheel.robot_link.opening import SIMULATED, check_way
 from flywheel.runtime.config.loading import read_config, yaml_of
 
 Planner = Literal["network", "given", "plant", "residual"]
@@ -84,11 +85,11 @@ class RobotConfig(StandInConfig):
         replayed = self.link.startswith(TRANSCRIPTS)
         if self.links > 1 and self.link != SIMULATED and not replayed:
             raise ValueError(f"links: a robot at {self.link} is one robot, got {self.links} links")
-        if self.link != SIMULATED and not replayed and self.stand_in != StandInConfig():
-            raise ValueError(
-                f"link: what a stand-in is ({', '.join(sorted(STAND_IN))}) goes with simulated, got "
-                f"{self.link!r}"
-            )
+        if not replayed:
+            try:
+                check_way(self.link, self.stand_in, self.arguments)
+            except ConfigError as error:
+                raise ValueError(f"link: {error}") from None
         return self
 
     @model_serializer(mode="wrap")

@@ -49,6 +49,7 @@ from flywheel.records import RECORDING
 from flywheel.registry import lookup
 from flywheel.robots import TerrainConfig, load_course, load_robot
 from flywheel.runtime.config.demand import DISK, PREDICTED, Demand
+from flywheel.runtime.config.heard import check_heard
 from flywheel.runtime.config.loading import read_config
 from flywheel.runtime.config.robot_config import REACHED_BY, RobotConfig
 from flywheel.runtime.tracking.tracker import TrackingConfig
@@ -249,8 +250,9 @@ NETWORKS = {
     "paper": NetworkConfig.paper,
     "hybrid": NetworkConfig.hybrid,
 }
-# The parts that may differ between a run and its continuation: they decide who computes where, no number.
-WITHOUT_EFFECT = ("name", "workers", "tracking", "store")
+# These decide who computes where, no number. All but the store may differ when a run is continued.
+MAY_DIFFER = ("name", "workers", "tracking")
+WITHOUT_EFFECT = (*MAY_DIFFER, "store")
 LAW_FILES = "effects_from"  # names files relative to the one that it stands in
 
 
@@ -416,6 +418,16 @@ class RunConfig(Frozen):
         return self
 
     @model_validator(mode="after")
+    def _has_one_seed(self) -> Self:
+        seeds = {"training": self.training.seed, "residual.training": self.residual.training.seed}
+        for name, seed in seeds.items():
+            if seed:
+                raise ValueError(
+                    f"{name}.seed: the seeds of a run's trainings follow from its own; set seed, got {seed}"
+                )
+        return self
+
+    @model_validator(mode="after")
     def _a_diagnosis_has_recordings(self) -> Self:
         if self.diagnose.on and not self.collect.recordings and self.robot is None:
             raise ValueError(
@@ -442,28 +454,32 @@ class RunConfig(Frozen):
             raise ValueError(f"mppi.{error}") from None
         return self
 
+    @property
+    def recording_number(self) -> int:
+        """Index of recordings in the network's one-hot; 0, the first data set, for a run without any."""
+        recorded = self.robot is not None or bool(self.collect.recordings)
+        return self.dataset_numbers()[RECORDING] if recorded else 0
+
     def dataset_numbers(self) -> dict[str, int]:
         """Index of each data set in the network's one-hot; recordings come last."""
         names = [data.name for data in self.datasets]
         return {name: i for i, name in enumerate(dict.fromkeys([*names, RECORDING]))}
 
 
-def load_config(path: str | Path, overrides: Sequence[str] = ()) -> RunConfig:
+def load_config(path: str | Path, overrides: Sequence[str] = (), stored: bool = False) -> RunConfig:
     """Read a run's configuration from a YAML file and `key=value` arguments.
 
-    Raises:
-      ConfigError: the file or an override cannot be read, or a value is wrong.
-    """
-    return read_config(RunConfig, path, overrides, beside=(LAW_FILES,))
-
-
-def load_stored_config(path: str | Path, overrides: Sequence[str] = ()) -> RunConfig:
-    """Read the configuration that a run was begun with.
+    Args:
+      path: of the file.
+      overrides: "a.b=value".
+      stored: it is that of a run's folder, where all files that it names are.
 
     Raises:
-      ConfigError: the file or an override cannot be read, or a value is wrong.
+      ConfigError: the file or an override cannot be read, a value is wrong, or an override has no effect.
     """
-    return read_config(RunConfig, path, overrides, beside=(LAW_FILES,), only_beside=True)
+    config = read_config(RunConfig, path, overrides, beside=(LAW_FILES,), only_beside=stored)
+    check_heard(config, overrides)
+    return config
 
 
 def decisive(config: RunConfig) -> dict[str, Any]:
@@ -475,6 +491,15 @@ def decisive(config: RunConfig) -> dict[str, Any]:
     if config.robot is not None:
         values["robot"] = {k: v for k, v in values["robot"].items() if k not in REACHED_BY}
     return {key: value for key, value in values.items() if key not in WITHOUT_EFFECT}
+
+
+def continued(stored: RunConfig, given: RunConfig) -> RunConfig:
+    """The stored configuration of a run, with the parts of a given one that may differ from it."""
+    parts = {name: getattr(given, name) for name in MAY_DIFFER}
+    if stored.robot is not None and given.robot is not None:
+        way = {name: getattr(given.robot, name) for name in REACHED_BY}
+        parts["robot"] = stored.robot.model_copy(update=way)
+    return stored.model_copy(update=parts)
 
 
 def config_digest(config: RunConfig) -> str:

@@ -40,7 +40,7 @@ from flywheel.runtime.config.run_config import (
     RunConfig,
     config_digest,
     decisive,
-    load_stored_config,
+    load_config,
 )
 from flywheel.runtime.run.initial_weights import INITIAL_WEIGHTS, SIDE_FILE, initial_weights
 from flywheel.runtime.tracking.pyfunc_model import WEIGHTS
@@ -94,7 +94,7 @@ class RunFolder:
         begun = read_begun(self.path)
         for name in (self.config_file.name, *self.copies(begun)):
             begun.check(self.path, name)
-        return load_stored_config(self.config_file)
+        return load_config(self.config_file, stored=True)
 
     def copies(self, begun: Begun) -> list[str]:
         """Names of the copies of files named in the configuration: law files, initial weights."""
@@ -235,7 +235,8 @@ class RunFolder:
                 "another folder."
             )
         stored = self.config()
-        if changes := list(differences(decisive(stored), decisive(config))):
+        old, new = ({**decisive(each), "store": each.store} for each in (stored, config))
+        if changes := list(differences(old, new)):
             raise ConfigError(
                 f"The run in {self.path} was started with another "
                 f"configuration:\n{lines(changes)}\nResume it with its own, or start a new run in "

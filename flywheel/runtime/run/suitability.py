@@ -19,7 +19,7 @@ from flywheel.dynamics.plant import Plant, Reckoning
 from flywheel.dynamics.plant.law_checks import check_laws
 from flywheel.errors import ConfigError, ModelError, RobotError
 from flywheel.robot_link import StandIn
-from flywheel.robot_link.opening import SIMULATED, TCP, open_link
+from flywheel.robot_link.opening import SIMULATED, is_tcp, open_link
 from flywheel.robots import Robot, draw_terrain, load_robot
 from flywheel.runtime.config.robot_config import RobotConfig
 from flywheel.runtime.config.run_config import RunConfig
@@ -107,7 +107,7 @@ def check_reached(config: RunConfig, robot: Robot, address: str | None) -> None:
     """
     check_devices(config, address)
     link = config.robot
-    if link is not None and link.link.startswith(TCP):
+    if link is not None and is_tcp(link.link):
         open_link(link.link, robot, config.network.dt).close()
 
 

@@ -315,10 +315,7 @@ class RobotRecorder(_Recorder):
 
     def __init__(self, config: RunConfig, robot: Robot, dataset: int | None = None) -> None:
         super().__init__(config, robot)
-        recorded = config.robot is not None or bool(config.collect.recordings)
-        # A network that was trained without recordings has no data set of theirs.
-        usual = config.dataset_numbers()[RECORDING] if recorded else 0
-        self._dataset = usual if dataset is None else dataset
+        self._dataset = config.recording_number if dataset is None else dataset
 
     def record(
         self,

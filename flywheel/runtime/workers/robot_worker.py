@@ -11,7 +11,7 @@ from flywheel.dynamics.protocol import Dynamics
 from flywheel.errors import ModelError, RunError
 from flywheel.records import Episode
 from flywheel.robot_link import RobotLink, StandInConfig
-from flywheel.robot_link.opening import TCP, open_link
+from flywheel.robot_link.opening import is_tcp, open_link
 from flywheel.robot_link.transcript import ReplayedLink, TranscribedLink
 from flywheel.robots import Robot
 from flywheel.runtime.config.robot_config import TRANSCRIPTS, read_stand_in
@@ -98,7 +98,7 @@ class RobotWorker(Worker):
     def _end(self, link: RobotLink) -> None:
         if isinstance(link, TranscribedLink):
             link.end()
-        if self._where.link.startswith(TCP):  # others may drive it until the next episode
+        if is_tcp(self._where.link):  # others may drive it until the next episode
             self.close()
 
     def close(self) -> None:

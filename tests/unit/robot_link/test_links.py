@@ -200,11 +200,20 @@ def test_a_link_of_one_s_own_is_found_by_its_name(prism3: Robot) -> None:
         (f"{__name__}:OwnRobot", {"speed": "1"}, "cannot be made from a robot and"),
         ("json:JSONDecoder", {}, "cannot be made"),
         ("builtins:repr", {}, "is not a RobotLink"),
+        ("simulated", {"port": "1"}, r"Arguments \(port\) are those of .*'simulated' takes none"),
+        ("tcp://host:1", {"latency": "1"}, r"'tcp://host:1' takes none"),
     ],
 )
 def test_a_way_that_leads_nowhere_is_refused(prism3, where, arguments, message):
     with pytest.raises((ConfigError, LinkError), match=message):
         open_link(where, prism3, PERIOD, arguments=arguments)
+
+
+@pytest.mark.parametrize("where", ["tcp://host:1", "ros://host:1", f"{__name__}:OwnRobot"])
+def test_a_robot_with_its_own_physics_takes_no_description_of_a_stand_in(prism3, where):
+    stand_in = StandInConfig(hidden=("payload",), noise=0.0)
+    with pytest.raises(ConfigError, match=r"A stand-in \(hidden, noise\) goes with simulated"):
+        open_link(where, prism3, PERIOD, stand_in)
 
 
 def test_another_control_period_than_the_model_s_is_refused(prism3: Robot) -> None:

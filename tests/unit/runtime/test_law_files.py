@@ -20,7 +20,6 @@ from flywheel.runtime.config.run_config import (
     RunConfig,
     config_digest,
     load_config,
-    load_stored_config,
 )
 from flywheel.runtime.run.folder import RunFolder
 from flywheel.runtime.run.inventory import Inventory
@@ -160,7 +159,7 @@ def test_a_stored_configuration_names_files_of_its_own_folder_only(tmp_path: Pat
     own_laws.law_file(tmp_path)
     stored = configured(tmp_path / "run", "effects_from: ../my_laws.py\n")
     with pytest.raises(ConfigError, match="may only name files in its own folder"):
-        load_stored_config(stored)
+        load_config(stored, stored=True)
     assert load_config(stored).effects_from
 
 

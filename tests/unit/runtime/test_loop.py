@@ -13,10 +13,11 @@ from flywheel.dynamics.gnn import load_weights, save_weights
 from flywheel.errors import DataError, ModelError, RunError
 from flywheel.robots import load_robot
 from flywheel.runtime.config.run_config import RunConfig
+from flywheel.runtime.loop import run
 from flywheel.runtime.workers.episode_recorder import EpisodeRecorder
 from flywheel.runtime.workers.sim_worker import Baseline, SimWorker
 from flywheel.runtime.workers.trainer_worker import TrainerWorker
-from tests.unit.runtime.tiny_run import Bench
+from tests.unit.runtime.tiny_run import TINY, Bench
 
 pytestmark = pytest.mark.slow
 
@@ -233,3 +234,14 @@ def test_predictions_are_judged_by_what_happened_not_by_what_was_measured(tmp_pa
     noise_of_a_centre = 100 * 0.05 / np.sqrt(2)  # of two caps [% of L]
     expected = np.hypot(informed.e_pos_rmse, np.sqrt(3) * noise_of_a_centre)
     assert blurred.e_pos_rmse == pytest.approx(expected, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("store", "says"),
+    [("ftp://here/x", "a folder or at s3://bucket/prefix"), ("s3://", "Bucket ''")],
+)
+def test_a_run_whose_store_is_nowhere_leaves_nothing(tmp_path, store, says):
+    config = RunConfig.model_validate({**TINY, "store": store})
+    with pytest.raises(DataError, match=says):
+        run(config, tmp_path / "run", tracked=False)
+    assert not any(tmp_path.iterdir())

@@ -9,12 +9,14 @@ from flywheel.dynamics.gnn import NetworkConfig
 from flywheel.effects import AdoptedPlant, WrittenTerm
 from flywheel.errors import ConfigError
 from flywheel.robots import load_robot
+from flywheel.runtime.config.heard import NEEDS
 from flywheel.runtime.config.loading import yaml_of
 from flywheel.runtime.config.run_config import (
     RunConfig,
     config_digest,
     load_config,
 )
+from flywheel.runtime.config.shipped import shipped_configs
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 
@@ -118,3 +120,55 @@ def test_the_effects_of_another_robots_plant_are_refused(tmp_path: Path) -> None
         RunConfig.model_validate({"effects": str(path)})
     with pytest.raises(ValidationError, match="no adopted plant"):
         RunConfig.model_validate({"effects": str(tmp_path / "plants")})
+
+
+@pytest.mark.parametrize("part", ["training", "residual.training"])
+def test_a_run_has_one_seed(part):
+    values: dict = {"seed": 4}
+    for name in reversed(part.split(".")):
+        values = {name: values}
+    with pytest.raises(ValidationError, match=f"{part}.seed: the seeds .* set seed, got 4"):
+        RunConfig.model_validate(values)
+
+
+def test_a_model_of_a_run_knows_recordings_as_a_data_set_where_it_learned_from_any():
+    assert RunConfig().recording_number == 0
+    assert RunConfig(robot={}).recording_number == 1
+    assert RunConfig(collect={"recordings": ["monday"]}).recording_number == 1
+
+
+UNHEARD = {
+    "task.course=maze": "task.name=obstacle_course",
+    "task.stops=4": "task.name=tour",
+    "task.boxes=3": "task.name=reach_among_boxes",
+    "task.obstacles=[{center: [1, 1, 1], half_size: [1, 1, 1]}]": "task.name=reach_among_boxes",
+    "terrain.bump_height.0=0.03": "terrain.kinds=[flat, bumps]",
+    "terrain.bump_height=[0.02, 0.06]": "terrain.kinds=[bumps]",
+    "terrain.cell=0.05": "terrain.kinds=[slope]",
+    "diagnose.unsure.cable_stiffness=0.1": "diagnose.on=true",
+    "residual.training.steps=7": "residual.on=true",
+}
+
+
+@pytest.mark.parametrize(("setting", "needs"), UNHEARD.items())
+def test_a_setting_without_an_effect_is_refused_with_what_it_needs(setting, needs):
+    file = shipped_configs()["prism3"]
+    more = ["robot.link=simulated"]
+    with pytest.raises(ConfigError, match="has no effect: .* needs") as caught:
+        load_config(file, [*more, setting])
+    assert needs.split("=")[0] in str(caught.value)
+    load_config(file, [*more, setting, needs])
+
+
+def test_distances_of_goals_are_heard_where_goals_are_drawn():
+    load_config(shipped_configs()["prism3"], ["task.radius=[1, 2]"])
+    with pytest.raises(ConfigError, match="task.radius needs"):
+        load_config(shipped_configs()["prism3"], ["task.goal=[5, 0]", "task.radius=[1, 2]"])
+
+
+def test_every_setting_that_needs_another_is_one():
+    values = RunConfig(robot={}).model_dump()
+    for setting in NEEDS:
+        here = values
+        for part in setting.split("."):
+            here = here[part]

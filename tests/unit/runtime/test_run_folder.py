@@ -7,8 +7,9 @@ import pytest
 
 from flywheel.errors import ConfigError, DataError, FlywheelError, RunError
 from flywheel.results import DiagnosisNote, IterationResult
+from flywheel.robot_link import StandInConfig
 from flywheel.robots import load_robot
-from flywheel.runtime.config.run_config import RunConfig, WorkersConfig
+from flywheel.runtime.config.run_config import RunConfig, config_digest, continued
 from flywheel.runtime.run.folder import RunFolder
 
 
@@ -49,9 +50,23 @@ def test_a_changed_configuration_is_refused_with_every_difference(folder):
     assert len(str(caught.value).splitlines()) == 4
 
 
-def test_a_change_of_workers_is_no_change(folder):
+def test_what_changes_no_result_may_change_and_then_counts(folder):
+    here = {"hidden": ["payload"], "noise": 0.01}
+    folder.begin(RunConfig(robot=here), resume=False)
+    given = {"name": "b", "workers": {"sim": 9}, "tracking": {"uri": "http://there"}}
+    changed = RunConfig(robot={**here, "links": 2}, **given)
+    folder.begin(changed, resume=True)
+    config = continued(folder.config(), changed)
+    assert (config.name, config.workers.sim, config.tracking.uri) == ("b", 9, "http://there")
+    assert config.robot.links == 2
+    assert config.robot.stand_in == StandInConfig(), "a secret"
+    assert config_digest(config) == config_digest(changed)
+
+
+def test_another_store_is_refused_since_other_commands_would_not_know_it(folder):
     folder.begin(RunConfig(), resume=False)
-    folder.begin(RunConfig(workers=WorkersConfig(sim=9)), resume=True)
+    with pytest.raises(ConfigError, match="store: '' -> elsewhere"):
+        folder.begin(RunConfig(store="elsewhere"), resume=True)
 
 
 def test_an_iteration_is_done_once_its_file_is_there(folder):

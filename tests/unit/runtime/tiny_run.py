@@ -1,7 +1,7 @@
 """The smallest run there can be, with workers in this process: the loop without a cluster."""
 
 from flywheel.data import TrajectoryStore
-from flywheel.runtime.config.run_config import RunConfig
+from flywheel.runtime.config.run_config import RunConfig, continued
 from flywheel.runtime.loop import finish
 from flywheel.runtime.pool.jobs import Group
 from flywheel.runtime.pool.pool import WorkerPool
@@ -64,9 +64,8 @@ class Bench:
     def turn(self, resume: bool = False):
         self.backend = LocalBackend()
         identity = self.files.begin(self.config, resume)
-        config = (
-            self.files.config()
-        )  # as in a run, where nobody but the robot's workers knows all of it
+        # As in a run, where nobody but the robot's workers knows all of it.
+        config = continued(self.files.config(), self.config)
         robot = self.files.robot(config)
         arguments = (config, self.files.store_url(config), robot)
         groups = [Group("sim", SimWorker, arguments), Group("trainer", TrainerWorker, arguments)]
