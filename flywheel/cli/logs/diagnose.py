@@ -126,10 +126,11 @@ def _read(
     recordings: Sequence[Path], held_out: Sequence[Path], plant: Plant, settings: Settings, out: Out
 ) -> list[list[Trajectory]]:
     """The logs to explain, and those held out; with a hint if the former seem to be filtered."""
-    from flywheel.cli.logs.reading import read_tracks
+    from flywheel.cli.logs.reading import read_groups
     from flywheel.diagnosis import noise_floor
 
-    read = [read_tracks(each, plant.robot, plant.dt, out) for each in (recordings, held_out)]
+    groups = read_groups((recordings, held_out), plant.robot, plant.dt, out)
+    read = [[log.trajectory for log in logs] for logs in groups]
     given, least = settings.windows.noise, settings.windows.least_noise * plant.robot.length
     noise = given or noise_floor([log.observations.points for log in read[0]])
     if not given and noise < least:

@@ -9,6 +9,7 @@ from pathlib import Path
 from flywheel.cli.console import Out
 from flywheel.data.recordings import read_recording
 from flywheel.dynamics.plant import cables_by_winches
+from flywheel.errors import DataError
 from flywheel.outputs import printable
 from flywheel.records import Trajectory
 from flywheel.robots import Robot
@@ -33,20 +34,33 @@ def read_tracks(paths: Sequence[Path], robot: Robot, dt: float, out: Out) -> lis
 
 
 def read_logs(paths: Sequence[Path], robot: Robot, dt: float, out: Out) -> list[Log]:
-    """Read logs, and print the findings in each.
+    """Read logs, and print the findings in each; raises as `read_groups`."""
+    (found,) = read_groups([paths], robot, dt, out)
+    return found
+
+
+def read_groups(
+    groups: Sequence[Sequence[Path]], robot: Robot, dt: float, out: Out
+) -> list[list[Log]]:
+    """Read groups of logs, such as those to explain and those held out.
 
     Raises:
-      DataError: a log cannot be used.
+      DataError: a log cannot be used, or is given twice: it would count double, or be its own test.
     """
-    recordings = []
-    for path in paths:
+    given: dict[str, Path] = {}
+
+    def read(path: Path) -> list[Log]:
         imported = read_recording(path, robot, dt=dt, follow=cables_by_winches)
+        if other := given.get(imported.report.digest):
+            raise DataError(f"{other} and {path} are the same log; give it once.")
+        given[imported.report.digest] = path
         for f in imported.report.findings:
             done = f"{f.count} {f.action} at {f.when or 'all times'} s. " if f.count else ""
             out.say(f"{imported.report.file}: {f.kind} {f.subject}: {done}{f.words}")
-        stem = printable(path.stem)
-        several = len(imported.episodes) > 1
-        for number, episode in enumerate(imported.episodes):
-            name = f"{stem} ({number})" if several else stem
-            recordings.append(Log(name, episode.trajectory))
-    return recordings
+        stem, several = printable(path.stem), len(imported.episodes) > 1
+        return [
+            Log(f"{stem} ({number})" if several else stem, episode.trajectory)
+            for number, episode in enumerate(imported.episodes)
+        ]
+
+    return [[log for path in paths for log in read(path)] for paths in groups]

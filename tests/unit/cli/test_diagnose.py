@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import time
 from pathlib import Path
@@ -89,3 +90,21 @@ def test_a_filtered_log_is_told_at_the_start_unless_its_noise_is_given() -> None
     assert answer["settings"] == {"windows.noise": 0.002}
     wrong = CliRunner().invoke(app, [*COMMAND, "--noise", "none"])
     assert wrong.exit_code == 2 and "A length, in mm" in wrong.output
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "diagnose monday.csv --held-out copy.csv",
+        "diagnose monday.csv ./monday.csv",
+        "compare monday.csv copy.csv",
+        "fit arx monday.csv copy.csv",
+    ],
+)
+def test_a_log_is_given_once_whatever_it_is_called(command):
+    for file in Path().glob("monday.*"):
+        shutil.copyfile(file, file.with_stem(file.stem.replace("monday", "copy")))
+    done = CliRunner().invoke(app, [*command.split(), "--robot", "platform4"])
+    assert done.exit_code == 2, done.output
+    assert "are the same log; give it once" in done.output
+    assert not [*Path().glob("*.html"), *Path().glob("*.npz")]
