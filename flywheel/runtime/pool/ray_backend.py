@@ -47,14 +47,6 @@ FOLDER_LOCK = "driver.lock"
 # A Unix socket's path has at most 107 bytes; Ray adds "/session_<date>_<time>_<pid>/sockets/plasma_store".
 LONGEST_FOLDER = 42  # bytes of the folder's path
 YOUNG_FOLDER = 60.0  # age up to which another driver may still be making its folder [s]
-_DEATHS = (
-    exceptions.RayActorError,  # also ActorDiedError and ActorUnavailableError
-    exceptions.WorkerCrashedError,
-    exceptions.NodeDiedError,
-    exceptions.OwnerDiedError,
-    exceptions.ObjectLostError,
-    exceptions.OutOfMemoryError,
-)
 
 
 class Cluster:
@@ -272,7 +264,9 @@ class RayBackend:
             if isinstance(cause, FlywheelError):
                 raise cause from None
             raise JobFailed(f"{type(cause).__name__}: {cause}", str(error)) from cause
-        except (*_DEATHS, exceptions.GetTimeoutError) as error:
+        except (
+            exceptions.RayError
+        ) as error:  # dead, lost with its node, or never started on a busy machine
             raise WorkerDied(_death_message(error)) from None
 
     def beat(self, worker: Any) -> Beat | None:
