@@ -261,4 +261,4 @@ def _ratio(value: float, reference: float) -> float:
 
 
 def _change(before: float, after: float) -> str:
-    return f"{100 * (after - before) / before:+.1f}%" if before else "from zero"
+    return f"{100 * (after - before) / before:+z.1f}%" if before else "from zero"

@@ -129,3 +129,8 @@ def test_a_page_says_whether_the_network_gets_better_on_the_robot(levels, answer
     found = next(v for v in conclusions(run) if "network's error on the robot" in v.text)
     assert found.answer == answer and words in found.text
     assert found.text in headline(run)
+
+
+def test_a_change_of_nearly_nothing_has_no_minus():
+    (first, *_) = conclusions(two_iterations((2.0, 1.9999), (3, 3)))
+    assert "(+0.0%)" in first.text and "-0.0" not in first.text

@@ -127,3 +127,19 @@ def test_what_a_robot_does_not_show_has_no_axes(run):
         labels = [axes.get_ylabel() for axes in draw_errors(turnless(run)).axes]
         assert not any("rotation" in label for label in labels)
         assert any("rotation" in axes.get_ylabel() for axes in draw_errors(run).axes)
+
+
+def test_steps_of_a_short_training_are_whole_numbers(run):
+    short = [
+        each.model_copy(
+            update={
+                "curve": tuple(
+                    p.model_copy(update={"step": 20 + 10 * k}) for k, p in enumerate(each.curve[:3])
+                )
+            }
+        )
+        for each in run.iterations
+    ]
+    figure = training_curves(run.model_copy(update={"iterations": tuple(short)}))
+    for axes in figure.axes:
+        assert all(float(tick).is_integer() for tick in axes.get_xticks())
