@@ -8,7 +8,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
 from flywheel.diagnosis.comparison import Bins, Comparison, Judgement
 from flywheel.records import Floats
@@ -142,7 +141,7 @@ def _name_windows(axes: Axes, labels: Sequence[str]) -> None:
         axes.set_xticks(range(len(labels)), labels, rotation=25, ha="right")
     else:
         axes.set_xlabel("window")
-        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+        style.whole_numbers(axes.xaxis)
 
 
 def colour_of(number: int) -> str:

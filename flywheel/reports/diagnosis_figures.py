@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
 from flywheel.diagnosis import Diagnosis
 from flywheel.reports import style
@@ -56,7 +55,7 @@ def ranking(found: Diagnosis) -> Figure:
     )
     style.logarithmic(axes.xaxis)
     axes.set_xlabel("score: what it would explain, in noise variances per size")
-    axes.legend(loc="lower right")
+    figure.legend(loc="outside upper left")
     axes.grid(axis="y", visible=False)
     return figure
 
@@ -104,7 +103,7 @@ def heat(found: Diagnosis) -> Figure:
         image = axes.imshow(squares.T, vmin=0.8, vmax=top, cmap="YlOrRd", aspect="auto")
         axes.set_title(title)
         axes.set_xlabel("window")
-        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+        style.whole_numbers(axes.xaxis)
         axes.grid(visible=False)
     parts[0].set_yticks(range(len(evidence.points)), evidence.points)
     figure.colorbar(image, ax=parts, label="mean square\n[noise variances]")
@@ -121,7 +120,7 @@ def places(found: Diagnosis) -> Figure | None:
     image = axes.imshow(found.location.cables.T, vmin=0, cmap="YlOrRd", aspect="auto")
     axes.set_yticks(range(len(names)), names)
     axes.set_xlabel("window")
-    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    style.whole_numbers(axes.xaxis)
     axes.grid(visible=False)
     figure.colorbar(image, ax=axes, label="explained\n[noise variances]")
     return figure

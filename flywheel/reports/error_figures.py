@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
 from flywheel.reports import style
 from flywheel.results import Errors, IterationResult, Overlay, RunResult
@@ -88,7 +87,7 @@ def training_curves(run: RunResult) -> Figure | None:
     validation.set_ylim(0, 1.08 * validation.get_ylim()[1])
     for axes in (loss, validation):
         axes.set_xlabel("optimiser step")
-        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+        style.whole_numbers(axes.xaxis)
     loss.legend(loc="upper right")
     return figure
 

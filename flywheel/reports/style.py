@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.colors import LinearSegmentedColormap, to_hex
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogFormatter
+from matplotlib.ticker import LogFormatter, MaxNLocator
 
 COLOURS = {
     "mppi": "#0072B2",
@@ -99,6 +99,11 @@ def logarithmic(axis: Axis) -> None:
     axis.axes.set(**{f"{which}scale": "log"})
     axis.set_major_formatter(PlainNumbers())
     axis.set_minor_formatter(PlainNumbers(minor_thresholds=(1.2, 0.5)))
+
+
+def whole_numbers(axis: Axis) -> None:
+    """Give an axis that counts something ticks at whole numbers only, however short it is."""
+    axis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
 
 
 def legend_above(figure: Figure, axes: Axes) -> None:

@@ -33,3 +33,12 @@ def test_a_short_logarithmic_axis_has_plain_labels(which):
     assert labels
     assert all("e" not in label and "times" not in label for label in labels), labels
     assert all(low / 2 <= float(label) <= 2 * high for label in labels), labels
+
+
+@pytest.mark.parametrize(("low", "high"), [(-0.5, 0.5), (-0.5, 1.5), (20, 40), (0, 7000)])
+def test_what_is_counted_has_ticks_at_whole_numbers_alone(low, high):
+    axes = Figure().add_subplot()
+    axes.set_xlim(low, high)
+    style.whole_numbers(axes.xaxis)
+    ticks = [tick for tick in axes.get_xticks() if low <= tick <= high]
+    assert ticks and all(float(tick).is_integer() for tick in ticks)
