@@ -11,7 +11,7 @@ from flywheel.robots import Robot
 from flywheel.tasks.config import TaskConfig
 from flywheel.tasks.courses import obstacle_course, tour
 from flywheel.tasks.distance import Grid, StraightLine, grid_around
-from flywheel.tasks.reach import reach, reach_among_boxes
+from flywheel.tasks.reach import reach, reach_among_boxes, with_turns
 from flywheel.tasks.task import Cost, Distance, Stand, Task
 
 TASKS: dict[str, Callable[[Robot, Floats, np.random.Generator, TaskConfig], Task]] = {
@@ -44,7 +44,11 @@ def sample_task(
             f"A task starts from {len(robot.points)} finite points (P, 3) of {robot.name}, got an "
             f"array of shape {start.shape}."
         )
-    return make(robot, start, rng, config)
+    task = make(robot, start, rng, config)
+    if not config.turn:
+        return task
+    here = robot.center_weights @ start[:, :2] if task.begin is None else task.begin.place
+    return with_turns(task, start, here, config)
 
 
 __all__ = [

@@ -35,6 +35,10 @@ class TaskConfig(Frozen):
       final: weight of the distance to the goal at the end of the horizon.
       broadside: weight of the robot's spread along the way to the goal. It makes a long robot turn
         sooner; too much makes the robot stretch itself out across the way, and stay.
+      turn: way that counts as much as turning by one radian, for a robot that rolls across its axis [L];
+        0 to ignore where it rolls. prism3 rolls 1.4 L while it turns by a radian.
+      aside: way that counts as much as one of the same length along that axis. prism3 rolls three times
+        as far as it moves along its axis in the same time.
       arrival: reward for reaching the goal within the horizon.
       near: weight alpha2 of the collision term, among boxes only.
       course: of the task "obstacle_course": the name of a shipped one, or the path of an MJCF.
@@ -59,6 +63,8 @@ class TaskConfig(Frozen):
     along: Weight = 0.5
     final: Weight = 1.0
     broadside: Weight = 0.0
+    turn: RobotLengths = 0.0
+    aside: Annotated[float, Bounds(1, 100)] = 3.0
     arrival: Weight = 0.0
     near: Weight = 0.005
     course: Place = "s_course"

@@ -21,7 +21,7 @@ class MeanDistance:
 
     def __call__(self, points: Floats, task: Task) -> Floats:
         """Cost (B,) of points (B, H + 1, P, 3)."""
-        return self.weight * task.to_goal(task.place(points)).mean(axis=1) / task.robot.length
+        return self.weight * task.way_left(points).mean(axis=1) / task.robot.length
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class FinalDistance:
 
     def __call__(self, points: Floats, task: Task) -> Floats:
         """Cost (B,) of points (B, H + 1, P, 3)."""
-        return self.weight * task.to_goal(task.place(points[:, -1])) / task.robot.length
+        return self.weight * task.way_left(points[:, -1]) / task.robot.length
 
 
 @dataclass(frozen=True)

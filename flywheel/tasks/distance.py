@@ -17,6 +17,7 @@ from flywheel.records import Floats
 from flywheel.robots import Box
 
 Moves = Literal["diagonal", "manhattan"]
+Corners = tuple[slice, slice]
 STRAIGHT = ((1, 0), (0, 1))
 DIAGONAL = ((1, 1), (1, -1))
 
@@ -140,32 +141,51 @@ def shortest_ways(free: NDArray[np.bool_], start: tuple[int, int], moves: Moves)
     A diagonal move needs both of the corners that it passes between to be free.
     """
     number = np.arange(free.size).reshape(free.shape)
-    rows, columns, lengths = [], [], []
+    edges = Edges(free.size)
     for dx, dy in STRAIGHT if moves == "manhattan" else STRAIGHT + DIAGONAL:
-        here, there = _shifted(dx, dy), _shifted(-dx, -dy)
-        passable = free[here] & free[there]
-        if dx and dy:
-            passable &= free[_beside(dx, dy, first=True)] & free[_beside(dx, dy, first=False)]
-        rows.append(number[here][passable])
-        columns.append(number[there][passable])
-        lengths.append(np.full(passable.sum(), np.hypot(dx, dy)))
-    edges = (np.concatenate(lengths), (np.concatenate(rows), np.concatenate(columns)))
-    graph = coo_array(edges, shape=(free.size, free.size)).tocsr()
-    return dijkstra(graph, directed=False, indices=number[start]).reshape(free.shape)
+        here, there, passable = moves_by(dx, dy, free)
+        edges.connect(number[here][passable], number[there][passable], np.hypot(dx, dy))
+    return edges.shortest(number[start]).reshape(free.shape)
 
 
-def _span(step: int) -> slice:
-    return slice(None, -1) if step > 0 else slice(1, None) if step < 0 else slice(None)
+class Edges:
+    """A graph of `size` corners and the lengths between them, in cells."""
+
+    def __init__(self, size: int) -> None:
+        self._size = size
+        self._parts: list[tuple[Floats, NDArray[np.intp], NDArray[np.intp]]] = []
+
+    def connect(self, first: NDArray[np.intp], second: NDArray[np.intp], length: float) -> None:
+        """Connect corners (N,) with others (N,), both ways."""
+        self._parts.append((np.full(len(first), length), first, second))
+
+    def shortest(self, start: NDArray[np.intp]) -> Floats:
+        """Length (size,) of the shortest path to the nearest of `start`; inf without one."""
+        lengths, *ends = (np.concatenate(part) for part in zip(*self._parts, strict=True))
+        graph = coo_array((lengths, tuple(ends)), shape=(self._size, self._size)).tocsr()
+        return dijkstra(graph, directed=False, indices=start, min_only=True)
 
 
-def _shifted(dx: int, dy: int) -> tuple[slice, slice]:
-    """The corners that have a neighbour at (dx, dy)."""
-    return _span(dx), _span(dy)
+def moves_by(
+    dx: int, dy: int, free: NDArray[np.bool_]
+) -> tuple[Corners, Corners, NDArray[np.bool_]]:
+    """The corners with a neighbour at (dx, dy), these neighbours, and where a move between them is free.
+
+    It is free where all corners of the cells that it crosses are.
+    """
+    x, y = (
+        slice(max(-step, 0), size - max(step, 0))
+        for step, size in zip((dx, dy), free.shape, strict=True)
+    )
+    passable = np.ones(free[x, y].shape, bool)
+    for right in range(min(dx, 0), max(dx, 0) + 1):
+        for up in range(min(dy, 0), max(dy, 0) + 1):
+            passable &= free[_by(right, x), _by(up, y)]
+    return (x, y), (_by(dx, x), _by(dy, y)), passable
 
 
-def _beside(dx: int, dy: int, *, first: bool) -> tuple[slice, slice]:
-    """The corners next to a diagonal move: one step along x, or one along y."""
-    return (_span(-dx), _span(dy)) if first else (_span(dx), _span(-dy))
+def _by(step: int, corners: slice) -> slice:
+    return slice(corners.start + step, corners.stop + step)
 
 
 def _xy(place: Floats) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from flywheel.errors import ConfigError
@@ -10,6 +12,7 @@ from flywheel.robots import Box, Robot
 from flywheel.tasks.config import TaskConfig
 from flywheel.tasks.costs import Arrival, Broadside, Collision, FinalDistance, MeanDistance
 from flywheel.tasks.distance import Grid, StraightLine, grid_around, in_the_way, near_boxes
+from flywheel.tasks.rolling import rolling_ways
 from flywheel.tasks.task import Distance, Task
 
 ATTEMPTS = 200  # draws of goal and boxes before a course counts as impossible
@@ -67,6 +70,23 @@ def going(
         ),
         obstacles=boxes,
     )
+
+
+def with_turns(task: Task, start: Floats, here: Floats, config: TaskConfig) -> Task:
+    """A task from `here` (2,), and those after it, with distances for a robot that rolls across its axis.
+
+    Args:
+      task: without them.
+      start: (P, 3) tracked points of the standing robot [m].
+      here: (2,) its place at the beginning [m].
+      config: of the task.
+    """
+    grid, robot = task.to_goal, task.robot
+    if not isinstance(grid, Grid):
+        grid = ways_to(task.goal, here, task.obstacles, robot, config)
+    rolling = rolling_ways(grid, start, config.turn * robot.length, config.aside)
+    then = None if task.then is None else with_turns(task.then, start, task.goal, config)
+    return replace(task, rolling=rolling, then=then)
 
 
 def drawn_goal(robot: Robot, here: Floats, rng: np.random.Generator, config: TaskConfig) -> Floats:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from flywheel.records import Floats
 from flywheel.robots import Box, Robot
+from flywheel.tasks.rolling import RollingWays
 
 
 class Distance(Protocol):
@@ -66,6 +67,7 @@ class Task:
       costs: terms of the cost.
       obstacles: boxes on the way; the plant needs the same ones.
       begin: required initial position of the robot; None for its present one.
+      rolling: the distance for the costs of a robot that has to turn; None for `to_goal`.
       then: next task, once the goal is reached; None for none.
     """
 
@@ -78,6 +80,7 @@ class Task:
     costs: tuple[Cost, ...] = ()
     obstacles: tuple[Box, ...] = ()
     begin: Stand | None = None
+    rolling: RollingWays | None = None
     then: Task | None = None
 
     @property
@@ -88,6 +91,11 @@ class Task:
     def place(self, points: Floats) -> Floats:
         """Position of the robot: (..., 2) of its centre of mass, for points (..., P, 3) [m]."""
         return np.einsum("p,...pi->...i", self.robot.center_weights, points[..., :2])
+
+    def way_left(self, points: Floats) -> Floats:
+        """Distance (...) to the goal for the costs, for points (..., P, 3) [m]."""
+        place = self.place(points)
+        return self.to_goal(place) if self.rolling is None else self.rolling(points, place)
 
     def distance(self, points: Floats) -> Floats:
         """Straight distance (...) of the centre of mass to the goal, for points (..., P, 3) [m]."""
