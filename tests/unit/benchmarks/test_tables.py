@@ -13,7 +13,7 @@ from benchmarks import tables
 from benchmarks.demo import DemoResult, DemoRow
 from benchmarks.diagnosis.case_result import CaseResult, Named
 from benchmarks.diagnosis.case_row import CaseRow
-from benchmarks.navigation import driven_episodes
+from benchmarks.navigation import EpisodeRow, courses_table, driven_episodes
 from benchmarks.robot import DriveRow, ErrorRow
 from benchmarks.rows import read_rows, write_rows
 from benchmarks.tables import BLOCK, PAGES, TABLES, with_tables
@@ -55,6 +55,27 @@ def test_only_mppi_on_the_plant_is_called_the_oracle(controller: str, model: str
         plan_seconds=(0.4, 0.5), cpu_seconds=20.0,
     )  # fmt: skip
     assert [row.model for row in driven_episodes("run", 0, [drive])] == [model]
+
+
+def episode(seed: int, reached: bool, where: str = "maze") -> EpisodeRow:
+    return EpisodeRow("run", seed, "1", "", where, "", "", 0, reached, 10.0 + seed, 0.5)
+
+
+@pytest.mark.parametrize(
+    ("driven", "cell"),
+    [
+        ([(0, True), (0, False)], "1 of 2 (1-99), 10 s"),
+        ([(1, False), (0, True), (0, True), (1, True)], "3 of 4 (19-99): 2, 1, 10 s"),
+        ([(0, True), (0, True), (1, True)], "3 of 3 (29-100): 2 of 2, 1 of 1, 10 s"),
+        ([(0, False), (1, False)], "0 of 2 (0-84): 0, 0"),
+    ],
+)
+def test_courses_show_the_goals_of_each_training_seed(driven, cell: str) -> None:
+    rows = [episode(seed, reached) for seed, reached in driven]
+    assert courses_table(rows, {"run": "network"})[2:] == [
+        f"| `maze` | {cell} |",
+        f"| all | {cell} |",
+    ]
 
 
 def test_runs_on_a_robot_that_were_collected_before_stay(tmp_path, monkeypatch):
