@@ -163,6 +163,7 @@ TABLES: dict[str, Callable[[], list[str]]] = {
             "five courses, MPPI": "MPPI",
             "five courses, MPPI with turns": "MPPI with turns",
             "five courses, network with turns": "network with turns",
+            "five courses, network, turns counted": "network with turns, turns counted",
         },
     ),
     "navigation-episodes": lambda: navigation.episodes_table(read_rows(EpisodeRow, EPISODES)),
