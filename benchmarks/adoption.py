@@ -34,6 +34,7 @@ from flywheel.dynamics.plant import Plant
 from flywheel.effects import WrittenTerm
 from flywheel.errors import DataError
 from flywheel.evaluation import score
+from flywheel.options import DiagnosisOptions
 from flywheel.outputs import write_output
 from flywheel.records import Episode, Floats, Provenance
 from flywheel.registry import lookup
@@ -204,7 +205,7 @@ def study(bench: Bench, case: Case) -> AdoptionStudy:
         Plant(robot, case.measurement.dt),
         [each.trajectory for each in recorded.fit],
         [recorded.held_out.trajectory],
-        seed=seed,
+        options=DiagnosisOptions(seed=seed),
     )
     effects, problem = _answer(found)
     true = tuple(_written(each) for each in truth)

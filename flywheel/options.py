@@ -11,7 +11,9 @@ from typing import Annotated, Literal
 from flywheel.quantities import (
     DRAWS,
     HORIZON_SECONDS,
+    MINUTES,
     TYPICAL_SIZES,
+    ControlStep,
     HorizonSeconds,
     Samples,
     Seed,
@@ -48,6 +50,19 @@ class AdaptOptions:
 
 
 @dataclass(frozen=True)
+class ImportOptions:
+    """Options of an import of logs.
+
+    Attributes:
+      split: Split of the episodes, permanently; auto is by the hash of the content.
+      dt: Control step, in seconds.
+    """
+
+    split: Literal["auto", "train", "validation", "test"] = "auto"
+    dt: ControlStep = 0.01
+
+
+@dataclass(frozen=True)
 class ComparisonOptions:
     """Options of a comparison of models with recordings.
 
@@ -62,6 +77,21 @@ class ComparisonOptions:
     draws: Annotated[int, DRAWS] = 100
     seed: Seed = 0
     fit_starts: bool = False
+
+
+@dataclass(frozen=True)
+class DiagnosisOptions:
+    """Options of a diagnosis.
+
+    Attributes:
+      window: Length of the windows, in seconds; by default suitable for the robot.
+      minutes: Stop after so many minutes with the best answer so far, as on Ctrl-C.
+      seed: Seed of all random numbers.
+    """
+
+    window: Annotated[float | None, HORIZON_SECONDS] = None
+    minutes: Annotated[float | None, MINUTES] = None
+    seed: Seed = 0
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,6 @@ from typing import Annotated
 from benchmarks.diagnosis.bench import examine, listed
 from flywheel.cli.app import App
 from flywheel.cli.exits import CODES, OneCommand
-from flywheel.cli.logs.diagnose import TrainedOption
 from flywheel.quantities import Bounds, Samples
 
 app = App(add_completion=False, pretty_exceptions_enable=False)
@@ -32,7 +31,7 @@ def diagnosis(
     only: str = "",
     spread: Annotated[float, Bounds(0, 10)] = 1.0,
     told: bool = False,
-    model: TrainedOption = None,
+    model: Annotated[str | None, "[LABEL=]SPEC"] = None,
     address: str | None = None,
 ) -> None:
     """Hide effects in recordings of another simulator, have them diagnosed, and count.
@@ -49,6 +48,8 @@ def diagnosis(
       only: Part of the names of the cases wanted.
       spread: Deviations of messy robots: 2 for twice as large.
       told: Give the diagnosis the deviations of messy robots, for an upper bound of its success.
+      model: A trained model to test instead of the plant: a run's folder (its champion), RUN:NAME, or a
+        file of weights.
       address: An existing Ray cluster.
     """
     examine(

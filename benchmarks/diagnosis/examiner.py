@@ -18,6 +18,7 @@ from flywheel.diagnosis.settings import AsBuiltSettings, Settings
 from flywheel.dynamics.plant import Plant, PlantParameters
 from flywheel.effects import Scales
 from flywheel.errors import FlywheelError
+from flywheel.options import ImportOptions
 from flywheel.records import Trajectory
 from flywheel.robots import Robot, load_robot
 from flywheel.runtime.pool.jobs import Beat
@@ -103,7 +104,10 @@ def _imported(made: HiddenRecording, robot: Robot) -> list[Trajectory]:
     """The parts of a recording as read from its log, e.g. with corrected swaps of markers."""
     with TemporaryDirectory() as folder:
         log, _ = made.write(Path(folder), "log", robot)
-        return [each.trajectory for each in read_recording(log, robot, dt=made.dt).episodes]
+        return [
+            each.trajectory
+            for each in read_recording(log, robot, ImportOptions(dt=made.dt)).episodes
+        ]
 
 
 def filled(case: CaseResult, found: Diagnosis, scales: Scales) -> CaseResult:

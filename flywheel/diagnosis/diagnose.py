@@ -49,6 +49,7 @@ from flywheel.diagnosis.settings import Settings
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS, FORMS, NAMED, Effect, Terms
 from flywheel.errors import DataError, ModelError
+from flywheel.options import DiagnosisOptions
 from flywheel.records import Trajectory
 from flywheel.robots import Robot
 
@@ -59,13 +60,11 @@ def diagnose(
     held_out: Sequence[Trajectory] = (),
     library: Mapping[str, Effect] = EFFECTS,
     settings: Settings = Settings(),
-    window_seconds: float | None = None,
-    seed: int = 0,
+    options: DiagnosisOptions = DiagnosisOptions(),
     progress: Callable[[float, str], None] = lambda share, note: None,
     model: Subject | None = None,
     unsure: Mapping[str, float] = MappingProxyType({}),
     stop: Callable[[], bool] = never,
-    seconds: float = math.inf,
 ) -> Diagnosis:
     """Identify the effects that a plant, or a trained model, lacks, from recordings.
 
@@ -75,8 +74,7 @@ def diagnose(
       held_out: further ones, for the evaluation only.
       library: candidate effects.
       settings: of the diagnosis, including limits (`Limits`).
-      window_seconds: length of the windows [s]; None for one that suits the robot.
-      seed: of the search for initial states.
+      options: window, time limit, seed.
       progress: receives the elapsed fraction of the time, estimated from the phases so far, and the
         present step, every few seconds.
       model: a trained model to test instead of the plant, which is then used for the changes caused
@@ -84,7 +82,6 @@ def diagnose(
       unsure: uncertain numbers of the plant, see `unsure_terms`: fitted together with everything
         else, within their priors, and not tested.
       stop: called now and then; True to return the best answer so far.
-      seconds: time limit, likewise [s].
 
     Raises:
       Interrupted: it was stopped before there was any answer.
@@ -93,8 +90,8 @@ def diagnose(
         windows.
     """
     begun = time.perf_counter()
-    heartbeat = Heartbeat(progress, stop=stop, seconds=seconds)
-    under_test = ModelUnderTest(plant, model, seed, heartbeat.again, settings)
+    heartbeat = Heartbeat(progress, stop=stop, seconds=60.0 * (options.minutes or math.inf))
+    under_test = ModelUnderTest(plant, model, options.seed, heartbeat.again, settings)
     terms = unsure_terms(unsure, plant.terms, {**NAMED, **library})
     if model is not None and terms:
         raise ModelError("A trained model has no numbers of an MJCF that could be uncertain.")
@@ -102,11 +99,11 @@ def diagnose(
     if not asked:
         raise DataError("Every candidate is listed under --unsure; leave at least one to test.")
     if held_out:
-        _check_usable(under_test, held_out, window_seconds)
+        _check_usable(under_test, held_out, options.window)
     everything = candidates(plant.robot, asked)
     longer = sum(log.steps for log in held_out) / max(1, sum(log.steps for log in recordings))
     search = partial(
-        _searched, under_test, recordings, window_seconds, everything, terms, heartbeat, longer
+        _searched, under_test, recordings, options.window, everything, terms, heartbeat, longer
     )
     # What a trained model is off by itself is known otherwise, see `network_fit`.
     searched = search() if model is not None else _in_two_scales(search, heartbeat)

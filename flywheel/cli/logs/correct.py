@@ -124,12 +124,12 @@ def settings_of(
     Raises:
       ConfigError: there is no such setting, or its value is invalid.
     """
-    from flywheel.cli.logs.diagnose import pairs_of
+    from flywheel.cli.logs.diagnose import SETTINGS, pairs_of
     from flywheel.errors import ConfigError
     from flywheel.validation import validated
 
     of_model, of_training = dict(model[1]), dict(training[1])
-    for path, text in pairs_of(statements, "--set takes SETTING=NUMBER;"):
+    for path, text in pairs_of(statements, SETTINGS):
         first, dot, name = path.partition(".")
         value = number(text, path, ANY)
         whole = int(value) if value == int(value) else value

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import shlex
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -12,8 +11,9 @@ import typer
 
 from flywheel.cli.console import Out, console, table
 from flywheel.cli.options import PlantOptions, SettingStatements, length_of, number
+from flywheel.options import DiagnosisOptions
 from flywheel.outputs import check_outputs
-from flywheel.quantities import FACTOR, HORIZON_SECONDS, MINUTES
+from flywheel.quantities import FACTOR
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -24,15 +24,7 @@ if TYPE_CHECKING:
     from flywheel.records import Trajectory
 
 SHOWN = 10  # candidates in the table
-
-TrainedOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="[LABEL=]SPEC",
-        help="A trained model to test instead of the plant: a run's folder (its champion), "
-        "RUN:NAME, or a file of weights.",
-    ),
-]
+SETTINGS = "--set takes SETTING=NUMBER;"
 
 
 def diagnose(
@@ -42,12 +34,11 @@ def diagnose(
     held_out: tuple[Path, ...] = (),
     effects: str = "",
     unsure: Annotated[tuple[str, ...], "EFFECT=5%"] = (),
-    window: Annotated[float | None, HORIZON_SECONDS] = None,
-    model: TrainedOption = None,
+    options: DiagnosisOptions = DiagnosisOptions(),
+    model: Annotated[str | None, "[LABEL=]SPEC"] = None,
     noise: Annotated[str | None, "LENGTH"] = None,
     tolerance: Annotated[str | None, "LENGTH"] = None,
     settings: SettingStatements = (),
-    minutes: Annotated[float | None, MINUTES] = None,
     page: Path = Path("diagnosis.html"),
     json: Path | None = None,
 ) -> None:
@@ -66,10 +57,10 @@ def diagnose(
       effects: Effects to consider, by name; all of the library by default.
       unsure: An uncertain number of the MJCF (with its standard deviation; up to three of these are
         allowed), such as cable_stiffness or body_mass: fitted together with everything else. Repeatable.
-      window: Length of the windows, in seconds; by default suitable for the robot.
+      model: A trained model to test instead of the plant: a run's folder (its champion), RUN:NAME, or a
+        file of weights.
       noise: Noise of each coordinate, such as 0.1mm, of logs that were filtered; by default it is estimated.
       tolerance: RMS model error that you accept, such as 2mm (beyond noise); the search stops below it.
-      minutes: Stop after so many minutes with the best answer so far, as on Ctrl-C.
       page: Output file of the page.
       json: Output file of the answer as JSON.
     """
@@ -87,8 +78,8 @@ def diagnose(
     logs, kept_aside = _read(recordings, held_out, plant, tuned, out)
     with StopRequest() as stop:  # until the answer is written
         with console_progress().stage("diagnose", 1.0) as stage:
-            told = stage.update, tested, known, stop, 60.0 * (minutes or math.inf)
-            found = diagnosis.diagnose(plant, logs, kept_aside, asked, tuned, window, 0, *told)
+            told = options, stage.update, tested, known, stop
+            found = diagnosis.diagnose(plant, logs, kept_aside, asked, tuned, *told)
         _show(out, found, _again(chosen))
         about = _about(plant, found, recordings, held_out) | library.about
         out.say(f"Page: {write_diagnosis(found, page, about)}")
@@ -173,8 +164,7 @@ def changes_of(statements: Sequence[str]) -> dict[str, float]:
     """
     from flywheel.diagnosis.settings import NUMBER
 
-    pairs = pairs_of(statements, "--set takes SETTING=NUMBER;")
-    return {path: number(text, path, NUMBER) for path, text in pairs}
+    return {path: number(text, path, NUMBER) for path, text in pairs_of(statements, SETTINGS)}
 
 
 def unsure_of(statements: Sequence[str]) -> dict[str, float]:

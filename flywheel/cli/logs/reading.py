@@ -10,6 +10,7 @@ from flywheel.cli.console import Out
 from flywheel.data.recordings import read_recording
 from flywheel.dynamics.plant import cables_by_winches
 from flywheel.errors import DataError
+from flywheel.options import ImportOptions
 from flywheel.outputs import printable
 from flywheel.records import Trajectory
 from flywheel.robots import Robot
@@ -50,7 +51,7 @@ def read_groups(
     given: dict[str, Path] = {}
 
     def read(path: Path) -> list[Log]:
-        imported = read_recording(path, robot, dt=dt, follow=cables_by_winches)
+        imported = read_recording(path, robot, ImportOptions(dt=dt), follow=cables_by_winches)
         if other := given.get(imported.report.digest):
             raise DataError(f"{other} and {path} are the same log; give it once.")
         given[imported.report.digest] = path

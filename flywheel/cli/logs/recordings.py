@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
@@ -16,8 +16,8 @@ from rich.markup import escape
 
 from flywheel.cli.app import App
 from flywheel.cli.console import Out, console, table
+from flywheel.options import ImportOptions
 from flywheel.outputs import check_folder, check_new, printable, write_output
-from flywheel.quantities import ControlStep
 
 if TYPE_CHECKING:
     from flywheel.data import TrajectoryStore
@@ -42,8 +42,7 @@ def import_(
     *,
     store: Annotated[Path, "RUN_OR_STORE"],
     robot: str | None = None,
-    split: Literal["auto", "train", "validation", "test"] = "auto",
-    dt: ControlStep = 0.01,
+    options: ImportOptions = ImportOptions(),
     map_file: Annotated[Path | None, "--map"] = None,
     align_plot: Path | None = None,
     dry_run: Annotated[bool, "--dry-run"] = False,
@@ -64,8 +63,6 @@ def import_(
       logs: Files; none if the map names them (files).
       store: A run's folder, or a folder of episodes; made if missing.
       robot: Your .xml, or a shipped robot's name; by default the run's.
-      split: Split of the episodes, permanently.
-      dt: Control step, in seconds.
       map_file: YAML with names, units and axes for all of them; by default the one of the same name next
         to each.
       align_plot: Output file (.png): cables by winches and by points (align: auto).
@@ -79,14 +76,11 @@ def import_(
     owner = _robot(store, robot)
     place = None if dry_run else _store(store)
     how = read_map(map_file) if map_file else None
-    chosen: Split | None = None if split == "auto" else split
 
     def read(log: Path) -> Imported:
         with _progress().stage(escape(printable(log.name)), 1.0) as stage:
-            follow, told = cables_by_winches, _told(stage)
-            return read_recording(
-                log, owner, how=how, dt=dt, split=chosen, told=told, follow=follow
-            )
+            told = _told(stage)
+            return read_recording(log, owner, options, how=how, told=told, follow=cables_by_winches)
 
     found = _read_all(_named(logs, map_file, how), read, keep=not dry_run)
     if align_plot is not None:
@@ -282,35 +276,28 @@ def _show_imported(
         _show_setting(out, segments)
 
 
-def _stored_rows(store: TrajectoryStore) -> list[dict[str, object]]:
+def _stored_rows(store: TrajectoryStore) -> list[dict[str, Any]]:
     """The recordings of a store, as plain values."""
     from flywheel.data.recordings import stored_recordings
 
-    rows: list[dict[str, object]] = []
+    rows: list[dict[str, Any]] = []
     for segment, summaries in stored_recordings(store).items():
         for summary, episode in zip(summaries, store.read_segment(segment), strict=True):
-            valid = episode.trajectory.observations.valid
+            about = {name: getattr(summary, name) for name in ("split", "seconds", "dt", "robot")}
+            seen = float(episode.trajectory.observations.valid.mean())
             rows.append(
-                {
-                    "episode": summary.id,
-                    "segment": segment,
-                    "split": summary.split,
-                    "seconds": summary.seconds,
-                    "dt": summary.dt,
-                    "robot": summary.robot,
-                    "points_seen": float(valid.mean()),
-                    "conditions": episode.provenance.conditions,
-                }
+                {"episode": summary.id, "segment": segment, **about, "points_seen": seen}
+                | {"conditions": episode.provenance.conditions}
             )
     return rows
 
 
-def _show_stored(store: TrajectoryStore, rows: Sequence[dict[str, object]]) -> None:
+def _show_stored(store: TrajectoryStore, rows: Sequence[dict[str, Any]]) -> None:
     out = console()
     if not rows:
         out.say(f"There is no recording in {store.url}.")
         return
-    columns = [
+    heads = (
         "episode",
         "split",
         "duration [s]",
@@ -318,21 +305,12 @@ def _show_stored(store: TrajectoryStore, rows: Sequence[dict[str, object]]) -> N
         "points there [%]",
         "robot",
         "conditions",
-    ]
-    cells = [
-        (
-            row["episode"],
-            row["split"],
-            row["seconds"],
-            row["dt"],
-            100 * cast("float", row["points_seen"]),
-            str(row["robot"])[:12],
-            row["conditions"],
-        )
-        for row in rows
-    ]
-    out.print(table(f"Recordings in {store.url}", columns, cells))
-    _show_setting(out, list(dict.fromkeys(str(row["segment"]) for row in rows)))
+    )
+    keys = ("episode", "split", "seconds", "dt", "points_seen", "robot", "conditions")
+    short = ({"points_seen": 100 * r["points_seen"], "robot": r["robot"][:12]} for r in rows)
+    cells = [[(row | less)[key] for key in keys] for row, less in zip(rows, short, strict=True)]
+    out.print(table(f"Recordings in {store.url}", heads, cells))
+    _show_setting(out, list(dict.fromkeys(row["segment"] for row in rows)))
 
 
 def _robot(place: Path, name: str | None) -> Robot:
@@ -454,19 +432,13 @@ def _show(out: Out, log: Read, state: str) -> None:
     if not report.findings:
         out.print("Nothing was masked, repaired or resampled.")
         return
-    out.print(
-        table(
-            f"Changes to {report.file}",
-            ["found", "done", "marker or column", "#count", "at [s]", "how"],
-            [
-                (f.kind, f.action, f.subject or "(all)", f.count, f.when, f.words)
-                for f in report.findings
-            ],
-        )
-    )
+    heads = ("found", "done", "marker or column", "#count", "at [s]", "how")
+    found = report.findings
+    cells = [(f.kind, f.action, f.subject or "(all)", f.count, f.when, f.words) for f in found]
+    out.print(table(f"Changes to {report.file}", heads, cells))
 
 
 def _show_setting(out: Out, segments: Sequence[str]) -> None:
     """The setting that makes a run learn from segments."""
-    setting = f"collect.recordings=[{','.join(segments)}]"
-    out.say(f"A run on this store learns from them with '{setting}'")
+    listed = ",".join(segments)
+    out.say(f"A run on this store learns from them with 'collect.recordings=[{listed}]'")

@@ -40,6 +40,7 @@ from flywheel.data.recordings.tables.table import Told, open_table
 from flywheel.data.recordings.tables.values import check_commanded, mask_impossible
 from flywheel.data.splits import assign_split
 from flywheel.errors import ConfigError, DataError
+from flywheel.options import ImportOptions
 from flywheel.outputs import printable
 from flywheel.quantities import CONTROL_STEP
 from flywheel.records import (
@@ -82,10 +83,9 @@ class Imported:
 def read_recording(
     path: str | Path,
     robot: Robot,
+    options: ImportOptions = ImportOptions(),
     *,
     how: RecordingMap | None = None,
-    dt: float = 0.01,
-    split: Split | None = None,
     told: Told | None = None,
     follow: Follow | None = None,
 ) -> Imported:
@@ -96,10 +96,9 @@ def read_recording(
     Args:
       path: of the log, or of a map (YAML) that names its files.
       robot: of the log.
+      options: split and control step.
       how: mapping of its columns; by default the YAML of the same name next to it, if there is one. Its files
         are relative to the log's folder.
-      dt: control step of the episodes [s].
-      split: of the episodes; by default from the hash of the content.
       told: called during reading, with the bytes so far and those of the file.
       follow: how cables follow their winches, which makes `align: auto` exact: `cables_by_winches` of
         `flywheel.dynamics.plant`.
@@ -108,6 +107,7 @@ def read_recording(
       DataError: the log cannot be used; the message says where and why.
       ConfigError: the YAML next to it is wrong.
     """
+    dt, split = options.dt, options.split
     CONTROL_STEP.check(dt, "A control step, dt,", DataError)
     path = Path(path)
     how = beside(path) if how is None else how
@@ -125,7 +125,8 @@ def read_recording(
     except DataError as error:
         raise DataError(f"{printable(path.name)}: {error}") from None
     name = f"{RECORDING}-{_slug(path.name)}-{digest[:DIGITS]}"
-    episodes = _episodes(name, tracks, robot, how, split or assign_split(digest, SHARES))
+    chosen = assign_split(digest, SHARES) if split == "auto" else split
+    episodes = _episodes(name, tracks, robot, how, chosen)
     report = ImportReport(
         file=printable(path.name),
         digest=digest,
@@ -138,7 +139,7 @@ def read_recording(
         seen=seen,
         findings=tuple(findings),
     )
-    return Imported(episodes, report, name, split is not None, compared)
+    return Imported(episodes, report, name, split != "auto", compared)
 
 
 def beside(path: Path) -> RecordingMap:

@@ -25,6 +25,7 @@ from flywheel.dynamics.protocol import Dynamics
 from flywheel.effects import EFFECTS
 from flywheel.errors import ModelError
 from flywheel.evaluation import HISTORY_SECONDS, ErrorTable, places, score, score_by, score_full
+from flywheel.options import DiagnosisOptions
 from flywheel.records import Episode, Floats
 from flywheel.results import Overlay
 from flywheel.robots import Robot
@@ -186,7 +187,7 @@ class SimWorker(Worker):
             logs,
             kept_aside,
             {name: self._library[name] for name in config.effects or self._config.library(EFFECTS)},
-            window_seconds=config.window_seconds,
+            options=DiagnosisOptions(config.window_seconds),
             progress=self._heartbeat.progress,
             unsure={name: share for name, share in config.unsure.items() if name not in has},
         )

@@ -1,6 +1,7 @@
 """The whole loop with a network, as small as it gets."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -37,9 +38,10 @@ def test_a_network_is_trained_diagnosed_and_trained_on(tmp_path, monkeypatch):
     ask = adoption.diagnose
     found: list[Diagnosis] = []
 
-    def diagnosed_once(*data: object, **more: object) -> Diagnosis:
+    def diagnosed_once(*data: object, **more: Any) -> Diagnosis:
         if not found:
-            found.append(ask(*data, library=library, window_seconds=0.4, **more))
+            more["options"] = replace(more["options"], window=0.4)
+            found.append(ask(*data, library=library, **more))
         return found[0]
 
     monkeypatch.setattr(adoption, "diagnose", diagnosed_once)

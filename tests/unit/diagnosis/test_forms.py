@@ -35,6 +35,7 @@ from flywheel.effects import (
     per_part_term,
 )
 from flywheel.effects.effect import Memory, Values
+from flywheel.options import DiagnosisOptions
 from flywheel.records import Floats
 from flywheel.reports.diagnosis_page import diagnosis_page, forms, sentence
 from flywheel.robots import Robot, load_robot
@@ -53,7 +54,7 @@ def of(robot: Robot, effect: Effect, times: float) -> Term:
 
 def diagnosed(robot: Robot, hidden: Term, seed: int, recordings: int = 2) -> Diagnosis:
     logs = [recorded(robot, (hidden,), seed + i) for i in range(recordings)]
-    return diagnose(Plant(robot), logs, (), FEW, QUICK, window_seconds=0.4, seed=seed)
+    return diagnose(Plant(robot), logs, (), FEW, QUICK, DiagnosisOptions(0.4, seed=seed))
 
 
 @pytest.mark.nightly

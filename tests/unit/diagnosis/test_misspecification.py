@@ -11,6 +11,7 @@ from flywheel.diagnosis.selection.misspecification import NONE, PROBES, Misspeci
 from flywheel.diagnosis.settings import Limits
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS, Scales, Term
+from flywheel.options import DiagnosisOptions
 from flywheel.reports.diagnosis_page import diagnosis_page
 from flywheel.robots import Robot, load_robot
 from tests.unit.diagnosis.conftest import QUICK, recorded
@@ -29,7 +30,7 @@ def _of(robot: Robot, kind: str, times: float) -> Term:
 def _diagnosed(robot: Robot, hidden: Term, recordings: int, seed: int, strict: Limits) -> Diagnosis:
     logs = [recorded(robot, (hidden,), seed + i) for i in range(recordings)]
     settings = replace(QUICK, limits=strict)
-    return diagnose(Plant(robot), logs, (), FEW, settings, window_seconds=0.4, seed=seed)
+    return diagnose(Plant(robot), logs, (), FEW, settings, DiagnosisOptions(0.4, seed=seed))
 
 
 @pytest.mark.slow

@@ -19,6 +19,7 @@ from flywheel.diagnosis.settings import FittingSettings, Limits, NetworkSettings
 from flywheel.dynamics.plant import Plant, Reckoning, RestartedPlant
 from flywheel.effects import EFFECTS, Term
 from flywheel.errors import ModelError
+from flywheel.options import DiagnosisOptions
 from flywheel.records import Floats, Past, Rollout, Trajectory
 from flywheel.robots import Robot, load_robot
 from tests import draws
@@ -136,7 +137,9 @@ def test_what_an_effect_changes_vanishes_with_the_effect(fitter: NetworkFitter) 
 def test_what_is_hidden_is_found_and_what_is_not_is_not(robot, model, seed, share):
     hidden = (gain(share),) if share else ()
     logs = [recorded(robot, hidden, seed + i) for i in range(2)]
-    found = diagnose(Plant(robot), logs, (), FEW, window_seconds=LENGTH, model=model, seed=seed)
+    found = diagnose(
+        Plant(robot), logs, (), FEW, options=DiagnosisOptions(LENGTH, seed=seed), model=model
+    )
     assert found.model == "drifting"
     if not share:
         assert found.verdict in (Verdict.NOISE_ONLY, Verdict.DATA_INSUFFICIENT), seed
@@ -160,7 +163,9 @@ def test_a_network_is_not_screened(robot, fitter, monkeypatch):
 
 def test_a_model_that_does_not_fit_is_refused(robot, trajectory, model):
     with pytest.raises(ModelError, match="looks back 10 steps"):
-        diagnose(Plant(robot), [trajectory], library=FEW, window_seconds=0.1, model=model)
+        diagnose(
+            Plant(robot), [trajectory], library=FEW, options=DiagnosisOptions(0.1), model=model
+        )
     other = Subject("other", RestartedPlant(Plant(load_robot("prism3"))))
     with pytest.raises(ModelError, match="The model other is for robot"):
         diagnose(Plant(robot), [trajectory], library=FEW, model=other)

@@ -17,6 +17,7 @@ from flywheel.diagnosis.settings import JacobianSettings, MultistartSettings
 from flywheel.dynamics.plant import AugmentedPlant, Plant, PlantParameters
 from flywheel.effects import CALIBRATIONS, EFFECTS, NAMED, Term
 from flywheel.errors import DataError, UnknownNameError
+from flywheel.options import DiagnosisOptions
 from flywheel.reports.diagnosis_page import diagnosis_page, held_back
 from flywheel.robots import Robot, load_robot
 from tests import draws
@@ -37,7 +38,7 @@ def test_a_wrong_number_is_fitted_and_not_taken_for_an_effect(robot, seed, scale
     told = Plant(robot, parameters=PlantParameters(**{scale: 1 / 1.06}))
     unsure = {name: 0.05}
     found = diagnose(
-        told, logs[:1], logs[1:], FEW, QUICK, window_seconds=0.4, seed=seed, unsure=unsure
+        told, logs[:1], logs[1:], FEW, QUICK, DiagnosisOptions(0.4, seed=seed), unsure=unsure
     )
     assert not any(found.answers), (seed, found.verdict)
     (value,) = found.calibration[0].values
@@ -69,7 +70,7 @@ def test_an_effect_is_found_beside_a_wrong_number(robot: Robot, seed: int) -> No
     logs = [recorded(robot, hidden, seed + i) for i in range(2)]
     unsure = {"cable_stiffness": 0.05}
     found = diagnose(
-        told, logs[:1], logs[1:], FEW, QUICK, window_seconds=0.4, seed=seed, unsure=unsure
+        told, logs[:1], logs[1:], FEW, QUICK, DiagnosisOptions(0.4, seed=seed), unsure=unsure
     )
     answer = found.answers[0]
     assert [each.effect for each in answer] == ["winch_gain"], (seed, found.verdict)
@@ -108,7 +109,7 @@ def test_what_is_known_well_stays_where_it_is(robot: Robot, seed: int) -> None:
     told = Plant(robot, parameters=PlantParameters(cable_stiffness=1 / 1.05))
     log = recorded(robot, (), seed)
     sure = {"cable_stiffness": 1e-6}
-    found = diagnose(told, [log], (), FEW, QUICK, window_seconds=0.4, seed=seed, unsure=sure)
+    found = diagnose(told, [log], (), FEW, QUICK, DiagnosisOptions(0.4, seed=seed), unsure=sure)
     assert abs(found.calibration[0].values[0].in_plant) < 1e-4, seed
 
 
@@ -121,7 +122,7 @@ def test_a_number_that_would_have_to_be_further_off_than_is_believed_is_named(ro
         (),
         FEW,
         QUICK,
-        window_seconds=0.4,
+        DiagnosisOptions(0.4),
         unsure={"cable_stiffness": 0.05},
     )
     (stiffness,) = found.calibration

@@ -22,6 +22,7 @@ from flywheel.diagnosis.settings import (
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS, Cables, Parameter, TensionEffect, Term
 from flywheel.effects.effect import Memory, Values
+from flywheel.options import DiagnosisOptions
 from flywheel.records import Floats, Observation, Trajectory
 from flywheel.reports.diagnosis_page import diagnosis_page, sentence
 from flywheel.robots import Robot
@@ -95,7 +96,7 @@ def test_a_law_is_trained_only_while_that_explains_something(robot, seed, monkey
 def test_the_page_and_the_json_say_so(robot: Robot, seed: int) -> None:
     never = replace(QUICK, limits=Limits(max_residual_variance=0.0))  # nothing is ever enough
     logs = [recorded(robot, (), seed + i) for i in range(2)]
-    found = diagnose(Plant(robot), logs[:1], logs[1:], FEW, never, window_seconds=0.4, seed=seed)
+    found = diagnose(Plant(robot), logs[:1], logs[1:], FEW, never, DiagnosisOptions(0.4, seed=seed))
     assert found.verdict in (Verdict.OUTSIDE_LIBRARY, Verdict.PARTIAL), seed
     summary, law = found.summary(), found.discrepancy
     assert law is not None and law.held_out is not None

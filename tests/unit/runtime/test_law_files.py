@@ -13,6 +13,7 @@ from flywheel.diagnosis.adoption import adoptable
 from flywheel.effects import NAMED, AdoptedPlant, WrittenTerm
 from flywheel.effects.own import LawFile
 from flywheel.errors import ConfigError, DataError, UnknownNameError
+from flywheel.options import ImportOptions
 from flywheel.records import Split
 from flywheel.robots import load_robot
 from flywheel.runtime.config.loading import yaml_of
@@ -189,7 +190,7 @@ def test_a_worker_of_a_run_finds_a_law_of_ones_own(tmp_path: Path) -> None:
     for seed, split in enumerate(splits, 1):
         made = record(robot, [hidden], seconds=0.7, seed=seed)
         log, _ = made.write(tmp_path / "logs", split, robot)
-        recording = read_recording(log, robot, split=split)
+        recording = read_recording(log, robot, ImportOptions(split=split))
         names.append(store_recording(TrajectoryStore(store), recording)[0])
     law = own_laws.law_file(tmp_path)
     config = RunConfig.model_validate(

@@ -12,6 +12,7 @@ from pydantic import ValidationError
 from flywheel.data.recordings import read_recording, store_recording
 from flywheel.diagnosis import diagnose
 from flywheel.effects import WrittenTerm
+from flywheel.options import ImportOptions
 from flywheel.results import DiagnosisNote
 from flywheel.robots import load_robot
 from flywheel.runtime.config.run_config import DiagnoseConfig, RunConfig
@@ -45,7 +46,9 @@ def stored_logs(folder, store, *names: str) -> list[str]:
     for seed, split in ((5, "train"), (6, "test")):
         made = record(robot, effects, seconds=0.8, seed=seed)
         path, _ = made.write(folder, f"log-{seed}", robot)
-        found.append(store_recording(store, read_recording(path, robot, split=split))[0])
+        found.append(
+            store_recording(store, read_recording(path, robot, ImportOptions(split=split)))[0]
+        )
     return found
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from flywheel.data.recordings import read_recording, store_recording
+from flywheel.options import ImportOptions
 from flywheel.robots import load_robot
 from flywheel.truth_simulator.recording import record
 from tests import draws
@@ -24,7 +25,7 @@ def logs(folder, store, rng) -> list[str]:
         path, _ = made.write(folder, f"log-{index}", robot)
         header, *rows = path.read_text().splitlines()
         path.write_text("\n".join([header, *rows[::2]]) + "\n")
-        read = read_recording(path, robot, split=split)
+        read = read_recording(path, robot, ImportOptions(split=split))
         names.append(store_recording(store, read)[0])
     return names
 

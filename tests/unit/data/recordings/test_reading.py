@@ -19,6 +19,7 @@ from flywheel.data.recordings import (
 )
 from flywheel.dynamics.plant import Plant
 from flywheel.errors import ConfigError, DataError
+from flywheel.options import ImportOptions
 from flywheel.records import Episode, Observation, Provenance, Trajectory
 from flywheel.robots import load_robot
 from flywheel.truth_simulator.measurement import Measurement
@@ -116,13 +117,13 @@ def test_a_log_of_50_hz_leaves_every_second_observation_missing(robots, tmp_path
     (found,) = read.report.findings
     assert found.kind == "rate" and "50 Hz on steps of 0.01 s" in found.words
     assert read.report.seen == 1.0
-    whole = read_recording(log, robot, dt=0.02)
+    whole = read_recording(log, robot, ImportOptions(dt=0.02))
     assert whole.report.findings == ()
 
 
 def test_a_log_of_200_hz_keeps_the_mean_command(sheet: Callable[..., Sheet]) -> None:
     log = sheet()
-    read = read_recording(log.save(), log.robot, dt=0.02)
+    read = read_recording(log.save(), log.robot, ImportOptions(dt=0.02))
     track, made = read.episodes[0].trajectory, log.made
     np.testing.assert_array_equal(track.observations.points, made.points[::2])
     np.testing.assert_allclose(
@@ -210,7 +211,7 @@ def test_a_step_that_fits_the_log_is_named_with_its_digits(sheet: Callable[..., 
     log.put("time", np.round(log.column("time") / 1.2, 6))  # 120 Hz
     with pytest.raises(DataError, match=r"Give a step that fits \(--dt 0.00833333\d*\)"):
         read_recording(log.save(), log.robot)
-    read = read_recording(log.save(), log.robot, dt=1 / 120)
+    read = read_recording(log.save(), log.robot, ImportOptions(dt=1 / 120))
     np.testing.assert_array_equal(read.episodes[0].trajectory.controls, log.made.controls)
 
 
@@ -298,22 +299,24 @@ def test_a_map_that_does_not_fit_the_log_is_refused(how, message, sheet):
 
 def test_a_recording_is_stored_once_whatever_its_file_is_called(sheet, tmp_path):
     log, store = sheet(), TrajectoryStore(tmp_path / "store")
-    read = read_recording(log.save("Monday, 2nd.csv"), log.robot, split="test")
+    read = read_recording(log.save("Monday, 2nd.csv"), log.robot, ImportOptions(split="test"))
     name, new = store_recording(store, read)
     assert new and name == f"recording-monday-2nd-{read.report.digest[:16]}"
     copy = read_recording(log.save("copy.csv"), log.robot)
     assert store_recording(store, copy) == (name, False)
     with pytest.raises(DataError, match="in the split test; .* train was requested"):
-        store_recording(store, read_recording(log.save(), log.robot, split="train"))
+        store_recording(store, read_recording(log.save(), log.robot, ImportOptions(split="train")))
     with pytest.raises(DataError, match="read with other settings"):
-        store_recording(store, read_recording(log.save(), log.robot, dt=0.02))
+        store_recording(store, read_recording(log.save(), log.robot, ImportOptions(dt=0.02)))
     assert list(stored_recordings(store)) == [name]
     same(store.read(name).trajectory, read.episodes[0].trajectory)
 
 
 def test_training_reads_windows_of_recordings(sheet: Callable[..., Sheet], tmp_path: Path) -> None:
     log, store = sheet(), TrajectoryStore(tmp_path / "store")
-    name, _ = store_recording(store, read_recording(log.save(), log.robot, split="train"))
+    name, _ = store_recording(
+        store, read_recording(log.save(), log.robot, ImportOptions(split="train"))
+    )
     snapshot = store.seal("one", [name], datasets=["nominal", "recording"])
     cache = WindowCache.build(SplitSource(store, snapshot, "train", log.robot), tmp_path / "cache")
     batch = cache.gather(cache.starts(50)[:3], 50)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -12,13 +13,14 @@ from flywheel.data.recordings.commands import read_commands
 from flywheel.data.recordings.grid import most_rows
 from flywheel.data.recordings.tables.columns import winch_names
 from flywheel.errors import DataError, FlywheelError
+from flywheel.options import ImportOptions
 from tests.unit.data.recordings.conftest import Sheet
 
 
 def read(log: Sheet, dt: float = 0.01, how: RecordingMap | None = None) -> Imported:
     """Read it; whatever overflows or is divided by zero on the way is an error."""
     with np.errstate(all="raise", under="ignore"):
-        return read_recording(log.save(), log.robot, dt=dt, how=how)
+        return read_recording(log.save(), log.robot, ImportOptions(dt=dt), how=how)
 
 
 def everywhere(sheet: Sheet, prefix: str, value: float) -> None:
@@ -112,11 +114,12 @@ def test_a_log_that_hardly_measures_anything_is_refused(seen, message, sheet):
 @pytest.mark.parametrize("dt", [1e-7, 1e-9, 5e-324, 9.9e-5, 0.0, -1.0, 11.0, 1e300, np.inf, np.nan])
 def test_what_is_no_control_step_is_refused(dt: float, sheet: Callable[..., Sheet]) -> None:
     log = sheet()
-    for ask in (read_recording, read_commands):
+    asked = ImportOptions(dt=dt)
+    for ask in (partial(read_recording, options=asked), partial(read_commands, dt=dt)):
         with pytest.raises(
             DataError, match="A control step, dt, must be a number from 0.0001 to 10 s; got"
         ):
-            ask(log.save(), log.robot, dt=dt)
+            ask(log.save(), log.robot)
     track = read(log).episodes[0].trajectory
     with pytest.raises(DataError, match="A control step, dt,"):
         replace(track, dt=dt)
@@ -148,9 +151,10 @@ def test_more_steps_than_fit_in_memory_are_refused(sheet, monkeypatch):
     assert most_rows(log.robot) > 1.75 * 3600 * 100  # rows of 1.75 hours at 100 Hz
     monkeypatch.setattr("flywheel.data.recordings.grid.MOST_NUMBERS", 30 * 250)
     assert read(log).report.rows == 201
-    for ask in (read_recording, read_commands):
+    asked = ImportOptions(dt=0.005)
+    for ask in (partial(read_recording, options=asked), partial(read_commands, dt=0.005)):
         with pytest.raises(DataError, match="2 s are 400 control steps of 0.005 s; .* most 250"):
-            ask(log.save(), log.robot, dt=0.005)
+            ask(log.save(), log.robot)
     monkeypatch.setattr("flywheel.data.recordings.grid.MOST_NUMBERS", 30 * 200)
     with pytest.raises(DataError, match="log.csv has more than 200 lines"):
         read(log)

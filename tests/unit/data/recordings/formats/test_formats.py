@@ -8,6 +8,7 @@ import pytest
 from flywheel.data.recordings import read_map, read_recording
 from flywheel.data.recordings.formats import vicon
 from flywheel.errors import DataError
+from flywheel.options import ImportOptions
 from flywheel.records import Trajectory
 from tests.unit.data.recordings.formats import writers
 from tests.unit.data.recordings.formats.truth import AXES, Truth, made
@@ -24,7 +25,9 @@ def truth() -> Truth:
 
 def imported(path: Path, text: str, truth: Truth, dt: float = 0.01) -> tuple[Trajectory, set[str]]:
     (path.parent / "map.yaml").write_text(text)
-    read = read_recording(path, truth.robot, how=read_map(path.parent / "map.yaml"), dt=dt)
+    read = read_recording(
+        path, truth.robot, ImportOptions(dt=dt), how=read_map(path.parent / "map.yaml")
+    )
     (episode,) = read.episodes
     return episode.trajectory, {finding.words for finding in read.report.findings}
 
