@@ -14,8 +14,9 @@ from scipy.sparse.csgraph import connected_components
 
 ROOT = Path(__file__).parents[1]
 LAYERS = {
-    "records": 0, "terrain": 0, "rotations": 0, "smoothing": 0, "registry": 0, "errors": 0, "files": 0,
-    "quantities": 0, "options": 0, "validation": 0, "seals": 0, "faults": 0, "outputs": 0, "run_identity": 0,
+    "records": 0, "terrain": 0, "rotations": 0, "smoothing": 0, "noise": 0, "registry": 0, "errors": 0,
+    "files": 0, "quantities": 0, "options": 0, "validation": 0, "seals": 0, "faults": 0, "outputs": 0,
+    "run_identity": 0,
     "robots": 1,
     "effects": 2, "tasks": 2, "data": 2, "truth_simulator": 2,
     "dynamics": 3,

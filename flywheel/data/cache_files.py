@@ -1,7 +1,7 @@
 """The files behind a window cache: flat arrays in a folder, made at once and checked when opened.
 
-<folder>/<snapshot>-<split>-<belief>-v3/about.json   what it is of, with the sha256 of every file
-<folder>/<snapshot>-<split>-<belief>-v3/<array>.npy
+<folder>/<snapshot>-<split>-<belief>-v4/about.json   what it is of, with the sha256 of every file
+<folder>/<snapshot>-<split>-<belief>-v4/<array>.npy
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from flywheel.seals import Seal, check_seal, file_sha256, sealed, unsealed
 from flywheel.smoothing import savitzky_golay
 from flywheel.terrain import Terrain
 
-VERSION = 3  # version of the arrays' meaning
+VERSION = 4  # version of the arrays' meaning
 ROWS = (  # one row per observation
     "points",
     "points_truth",

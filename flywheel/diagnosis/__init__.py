@@ -1,7 +1,6 @@
 """Identify the physical effect that a plant lacks, from recordings."""
 
 from flywheel.diagnosis.diagnose import diagnose
-from flywheel.diagnosis.fitting.windows import noise_floor
 from flywheel.diagnosis.results.diagnosis import Diagnosis
 from flywheel.diagnosis.results.verdict import EXIT_CODES, Found, Verdict
 from flywheel.diagnosis.settings import Limits, Settings, changed
@@ -15,5 +14,4 @@ __all__ = [
     "Verdict",
     "changed",
     "diagnose",
-    "noise_floor",
 ]

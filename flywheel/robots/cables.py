@@ -157,6 +157,7 @@ class _Tendons:
             damping=float(model.tendon_damping[tendon] + _damping(model, actuator)),
             rest_length=0.0 if told else float(act[model.actuator_actadr[actuator]]),
             winch=winch,
+            strongest=-float(model.actuator_forcerange[actuator, 0]),
         )
 
     def passive(self, tendon: int) -> Cable:

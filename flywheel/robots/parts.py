@@ -105,6 +105,7 @@ class Cable:
       damping: [N s/m].
       rest_length: at the keyframe [m]; 0 if its winch takes tensions.
       winch: index into `Robot.winches` of the winch that drives it, -1 if passive.
+      strongest: pull of its winch [N].
     """
 
     name: str
@@ -113,6 +114,7 @@ class Cable:
     damping: float
     rest_length: float
     winch: int
+    strongest: float = np.inf
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from flywheel.dynamics.baselines import LinearDynamics
 from flywheel.dynamics.baselines.engine import CONTACT, LARGEST, LEAST, USUAL, RigidBodyEngine
 from flywheel.dynamics.baselines.weights import FitModel
 from flywheel.dynamics.gnn.learned import one_thread_per_operation
+from flywheel.dynamics.plant import Reckoning
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.errors import DataError, ModelError
 from flywheel.quantities import Bounds, Factor, HorizonSeconds, OptimiserSteps, Samples, Seed
@@ -86,15 +87,12 @@ class _Windows:
     @classmethod
     def of(cls, model: Dynamics, parts: Sequence[Span], settings: FitSettings) -> _Windows:
         robot, dt = model.robot, model.dt
-
-        def known(track: Trajectory) -> Floats:
-            return robot.known_winch(track.observations.winch, track.controls, dt)
-
         longest = max(part.end - max(part.begin, model.history) for part in parts)
         steps = min(round(settings.horizon / dt), longest)
         stride = max(1, round(settings.spacing / dt))
+        known, windows = Reckoning(robot, dt).known, settings.windows
         found = (
-            presents(robot, parts, known, model.history, steps, stride, settings.windows)
+            presents(robot, parts, known, model.history, steps, stride, windows)
             if steps > 0
             else []
         )
@@ -177,7 +175,7 @@ def _sums(model: LinearDynamics, parts: Sequence[Span]) -> tuple[Floats, Floats,
     for part in parts:
         track = part.track
         points = track.observations.points
-        winch = robot.known_winch(track.observations.winch, track.controls, track.dt)
+        winch = Reckoning(robot, track.dt).known(track)
         recent = _runs(points, model.config.pose_lags + 2)  # the step's result, too
         told = _runs(track.controls, model.config.input_lags)
         at = np.arange(max(part.begin, history), part.end)

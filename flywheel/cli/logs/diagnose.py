@@ -118,7 +118,7 @@ def _read(
 ) -> list[list[Trajectory]]:
     """The logs to explain, and those held out; with a hint if the former seem to be filtered."""
     from flywheel.cli.logs.reading import read_groups
-    from flywheel.diagnosis import noise_floor
+    from flywheel.noise import noise_floor
 
     groups = read_groups((recordings, held_out), plant.robot, plant.dt, out)
     read = [[log.trajectory for log in logs] for logs in groups]

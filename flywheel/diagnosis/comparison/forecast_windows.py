@@ -9,15 +9,15 @@ from functools import cached_property
 import numpy as np
 
 from flywheel.diagnosis.fitting.subject import Subject
-from flywheel.diagnosis.fitting.windows import noise_floor
-from flywheel.dynamics.plant import Reckoning
-from flywheel.effects import Scales, Terms, points_late
+from flywheel.dynamics.plant import Reckoning, RestartedPlant
+from flywheel.effects import Scales, Terms
 from flywheel.errors import DataError
 from flywheel.evaluation import past_at, places
 from flywheel.evaluation.pasts import stacked
+from flywheel.noise import noise_floor
 from flywheel.records import RECORDING, Episode, Floats, Observation, Past, Provenance, Trajectory
 from flywheel.robots import Robot
-from flywheel.smoothing import interpolated, savitzky_golay
+from flywheel.smoothing import savitzky_golay
 
 FEWEST_STEPS = 5  # of a window
 WARMUP = 0.55  # that a model moves by itself before it is taken for the truth [sqrt(L / g)]
@@ -196,7 +196,9 @@ class ForecastWindows:
         return self._pasts(subject, self._smooth_episodes, self.first - self.warmup)
 
     def _pasts(self, subject: Subject, episodes: Sequence[Episode], first: np.ndarray) -> Past:
-        history, winch = subject.dynamics.history, self._winches(subject.terms)
+        model = subject.dynamics
+        history, told = model.history, not isinstance(model, RestartedPlant)
+        winch = self._winches(subject.terms, told)
         return stacked(
             [
                 past_at(episodes[i], self.robot, step, history, winch[i], subject.dataset)
@@ -204,17 +206,16 @@ class ForecastWindows:
             ]
         )
 
-    def _winches(self, terms: Terms) -> tuple[Floats, ...]:
+    def _winches(self, terms: Terms, told: bool = False) -> tuple[Floats, ...]:
         """(T + 1, W) winch positions in each recording, from the known effects of the plant [m].
 
-        Where points are measured late, they are those of the points' time.
+        A plant is asked for the tensions; other models are told what these say of the winches.
         """
-        key = tuple((term.effect.name, term.place, term.values) for term in terms)
+        key = (told, *((term.effect.name, term.place, term.values) for term in terms))
         if key not in self._reckoned:
             reckoning = Reckoning(self.robot, self.dt, terms)
-            late = points_late(terms) / self.dt
-            known = (reckoning.known(_with_winches_of(track, late)) for track in self.tracks)
-            self._reckoned[key] = tuple(known)
+            tracks = self.tracks if told else [replace(t, channels=()) for t in self.tracks]
+            self._reckoned[key] = tuple(reckoning.known(track) for track in tracks)
         return self._reckoned[key]
 
     @property
@@ -249,15 +250,6 @@ class ForecastWindows:
                 for i, first in zip(self.recording, self.first, strict=True)
             ]
         )
-
-
-def _with_winches_of(track: Trajectory, late: float) -> Trajectory:
-    """A recording whose winches are those of `late` control steps before."""
-    if late == 0.0:
-        return track
-    before = np.maximum(np.arange(track.steps + 1) - late, 0.0)
-    winch = interpolated(track.observations.winch[None], before[None])[0]
-    return replace(track, observations=replace(track.observations, winch=winch))
 
 
 def _tiled(episode: Episode, steps: int, lead: int) -> list[int]:

@@ -6,17 +6,19 @@ computed from its commands, and misleads a network or planner that starts there.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
 
 from flywheel.dynamics.plant.laws import Group, grouped
+from flywheel.dynamics.plant.measured_winches import with_tensions
 from flywheel.dynamics.plant.poses import seen_poses
 from flywheel.dynamics.plant.roll import relaxed, rest_lengths, unseen_axes
-from flywheel.effects import CommandEffect, Terms, WinchEffect, Winches
+from flywheel.effects import CommandEffect, Terms, WinchEffect, Winches, points_late
 from flywheel.records import Floats, Trajectory
 from flywheel.robots import Robot
+from flywheel.smoothing import interpolated
 
 APART = 0.1  # between the instants at which lengths of cables are computed from what is seen [s]
 PIECE = 0.5  # after which the turns of rods are relaxed with the winches where they are by then [s]
@@ -54,10 +56,20 @@ class Reckoning:
         return any(isinstance(t.effect, WinchEffect) and not t.absent for t in self.terms)
 
     def known(self, trajectory: Trajectory) -> Floats:
-        """(T + 1, W) best estimate of the winch positions over an unbatched trajectory [m].
+        """(T + 1, W) best estimate of the winch positions over an unbatched trajectory [m or N].
 
-        Measured ones if available, see `Robot.known_winch`; else reckoned.
+        Measured ones if available, see `Robot.known_winch`; else reckoned, and corrected by the measured
+        tensions of cables. Where points are measured late, they are those of the points' time.
         """
+        if points_late(self.terms):
+            seen = trajectory.observations
+            channels = (replace(c, values=self.earlier(c.values)) for c in trajectory.channels)
+            seen = replace(seen, winch=self.earlier(seen.winch))
+            trajectory = replace(trajectory, observations=seen, channels=tuple(channels))
+        return with_tensions(self.robot, trajectory, self._reckoned(trajectory))
+
+    def _reckoned(self, trajectory: Trajectory) -> Floats:
+        """(T + 1, W) measured or reckoned positions."""
         seen, controls = trajectory.observations, trajectory.controls
         if self.nominal or np.isfinite(seen.winch).all():
             return self.robot.known_winch(seen.winch, controls, self.dt)
@@ -74,6 +86,13 @@ class Reckoning:
             positions.append(part[1:])
             now = part[-1]
         return np.concatenate(positions)
+
+    def earlier(self, values: Floats) -> Floats:
+        """Values (T + 1, ...) beside the points, of the time of points that are measured late."""
+        if not (late := points_late(self.terms) / self.dt):
+            return values
+        before = np.maximum(np.arange(len(values)) - late, 0.0)[None]
+        return interpolated(values.reshape(1, len(values), -1), before)[0].reshape(values.shape)
 
     def told(self, controls: Floats) -> Floats:
         """(T, W) commands that reach the winches, given the commands (T, W) from an episode's

@@ -17,7 +17,6 @@ import numpy as np
 
 from flywheel.data import TrajectoryStore
 from flywheel.diagnosis import Diagnosis, diagnose
-from flywheel.diagnosis.fitting.windows import noise_floor
 from flywheel.dynamics import Persistence
 from flywheel.dynamics.arithmetic import Arithmetic
 from flywheel.dynamics.plant import MeasurementModel, RestartedPlant
@@ -25,6 +24,7 @@ from flywheel.dynamics.protocol import Dynamics
 from flywheel.effects import EFFECTS
 from flywheel.errors import ModelError
 from flywheel.evaluation import HISTORY_SECONDS, ErrorTable, places, score, score_by, score_full
+from flywheel.noise import noise_floor
 from flywheel.options import DiagnosisOptions
 from flywheel.records import Episode, Floats
 from flywheel.results import Overlay

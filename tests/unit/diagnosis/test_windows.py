@@ -5,9 +5,10 @@ import dataclasses
 import numpy as np
 import pytest
 
-from flywheel.diagnosis.fitting.windows import Windows, filled_in, noise_floor
+from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.diagnosis.settings import WindowSettings
 from flywheel.errors import DataError
+from flywheel.noise import filled_in, noise_floor
 from flywheel.records import Observation, Trajectory
 from flywheel.robots import Robot, load_robot
 from tests import draws
