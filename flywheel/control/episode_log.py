@@ -84,7 +84,9 @@ class EpisodeLog:
         return Past(
             observations=Observation(self._points[:, : end + 1], seen),
             controls=self._controls[:, :end],
-            winch=np.where(measured, seen, self._reckoned[:, : end + 1]),
+            winch=np.where(
+                measured, self._reckoning.earlier(seen[0]), self._reckoned[:, : end + 1]
+            ),
             pending=pending,
             dataset=self.dataset,
             state=state,

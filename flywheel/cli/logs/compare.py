@@ -49,6 +49,7 @@ def compare(
     from flywheel.cli.logs.reading import read_logs
     from flywheel.cli.models import PLANT, open_model, opened
     from flywheel.diagnosis import comparison
+    from flywheel.dynamics.plant import swing_period
     from flywheel.outputs import check_outputs
     from flywheel.runtime.config.demand import check_predictions
 
@@ -57,6 +58,11 @@ def compare(
     check_outputs(outputs, inputs=[*recordings, *chosen.files])
     out, specs, (plant, library) = console(), model or (PLANT,), opened(chosen)
     robot = plant.robot
+    if (period := swing_period(plant)) > options.horizon:
+        out.say(
+            f"{robot.name} swings every {period:.3g} s: predictions of {options.horizon:g} s see a part of a "
+            f"swing; --horizon {period:.2g} is all of it."
+        )
     models = [open_model(spec, plant, library) for spec in specs]
     logs = read_logs(recordings, robot, plant.dt, out)
     names, tracks = [each.name for each in logs], [each.trajectory for each in logs]

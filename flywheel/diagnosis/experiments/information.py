@@ -14,6 +14,7 @@ from functools import partial
 
 import numpy as np
 
+from flywheel.diagnosis.fitting.model import usual_window
 from flywheel.diagnosis.fitting.plant_fit import PlantFitter
 from flywheel.diagnosis.fitting.simulation import WindowSimulator
 from flywheel.diagnosis.fitting.windows import ChannelNoise, Windows
@@ -156,6 +157,7 @@ def information_of(
         which = int(np.argmin(motion.finite))
         raise ModelError(f"The simulation of {plant.robot.name} diverges under script {which}.")
     tracks = [_track(plant, script, motion, row, channels) for row, script in enumerate(scripts)]
+    seconds = seconds or usual_window(plant, settings.windows)
     cut = partial(Windows.cut, plant.robot, seconds=seconds, sigma=sigma, settings=settings.windows)
     slices, row = slices_of(library), 0
     columns = slices[-1][-1].stop

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -16,8 +17,8 @@ from flywheel.diagnosis.fitting.refinement import F, shorter_steps
 from flywheel.diagnosis.fitting.simulation import WindowSimulator
 from flywheel.diagnosis.fitting.subject import Subject
 from flywheel.diagnosis.fitting.windows import Windows
-from flywheel.diagnosis.settings import FittingSettings, Settings
-from flywheel.dynamics.plant import Plant
+from flywheel.diagnosis.settings import FittingSettings, Settings, WindowSettings
+from flywheel.dynamics.plant import Plant, swing_period
 from flywheel.effects import Scales, Terms
 from flywheel.errors import DataError, ModelError
 from flywheel.records import Trajectory
@@ -85,13 +86,13 @@ class ModelUnderTest:
           DataError: recordings cannot be used.
           ModelError: the model cannot.
         """
-        plant, model = self.plant, self.model
+        plant, model, seen = self.plant, self.model, 0.0
         if model is not None:
             _check(plant, model)
             seen = model.dynamics.history * plant.dt
-            seconds = seconds or seen + self.settings.windows.seconds * Scales.of(plant.robot).time
             # It predicts nothing beside the points.
             recordings = [replace(track, channels=()) for track in recordings]
+        seconds = seconds or seen + self._usual
         windows = Windows.cut(plant.robot, recordings, seconds, sigma, self.settings.windows)
         if abs(windows.dt - plant.dt) > 1e-9:
             raise DataError(
@@ -99,6 +100,16 @@ class ModelUnderTest:
                 f"{plant.dt:g} s."
             )
         return windows
+
+    @cached_property
+    def _usual(self) -> float:
+        """Length of windows, unless it is given [s]."""
+        return usual_window(self.plant, self.settings.windows)
+
+
+def usual_window(plant: Plant, settings: WindowSettings) -> float:
+    """Length of windows that suits a robot's size and, if it hangs and swings, its period [s]."""
+    return max(settings.seconds * Scales.of(plant.robot).time, swing_period(plant))
 
 
 def _check(plant: Plant, model: Subject) -> None:

@@ -13,7 +13,7 @@ from flywheel.dynamics.plant.reckoning import Reckoning
 from flywheel.dynamics.plant.refined import hasty, refined
 from flywheel.dynamics.plant.render import Film, Shot, write_video
 from flywheel.dynamics.plant.restarted import RestartedPlant, states_of
-from flywheel.dynamics.plant.resting import Settling, settling
+from flywheel.dynamics.plant.resting import Settling, settling, swing_period
 from flywheel.dynamics.plant.roll import unseen_axes
 from flywheel.dynamics.plant.tangent import between, moved, turning
 from flywheel.dynamics.plant.time_steps import StepError, StepStudy, cable_damping
@@ -43,6 +43,7 @@ __all__ = [
     "refined",
     "settling",
     "states_of",
+    "swing_period",
     "turning",
     "unseen_axes",
     "with_effects",

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from flywheel.dynamics.plant.augmented import AugmentedPlant, Memories, Motion, edited
+from flywheel.dynamics.plant.channels import ChannelKey
 from flywheel.dynamics.plant.parameters import PlantParameters
 from flywheel.dynamics.plant.plant import Course, Plant
-from flywheel.effects import ModelEffect, Terms
+from flywheel.effects import ModelEffect, Terms, points_late
 from flywheel.errors import ModelError
 from flywheel.records import Floats, Observation, State, Trajectory
 from flywheel.terrain import Terrain
@@ -45,6 +48,13 @@ class EffectivePlant(Plant):
             return self
         return EffectivePlant(self._augmented.plant.on(terrain), self.terms)
 
+    @cached_property
+    def _measured(self) -> AugmentedPlant:
+        """The same that tells winches apart which are measured at other times than points."""
+        winches = self.robot.winches if points_late(self.terms) else ()
+        keys: list[ChannelKey] = [("winch", winch.name) for winch in winches]
+        return AugmentedPlant(self._augmented.plant, keys) if keys else self._augmented
+
     def _compile(self) -> None:
         super()._compile()
         # `observe` uses this model only: for markers that moved, whatever the masses are.
@@ -65,8 +75,11 @@ class EffectivePlant(Plant):
         """Start an episode from a state (1,), as `Plant.begin` does."""
         return _EffectiveCourse(self, state)
 
-    def _moved(self, state: State, told: Floats, memory: Memories | None) -> Motion:
-        motion = self._augmented.simulate(state, told, [self.terms] * len(told), memory)
+    def _moved(
+        self, state: State, told: Floats, memory: Memories | None, steps: int | None = None
+    ) -> Motion:
+        how = self._augmented if steps is None else self._measured
+        motion = how.simulate(state, told, [self.terms] * len(told), memory, steps)
         if not motion.finite.all():
             raise ModelError(
                 f"Simulation {int(np.argmin(motion.finite))} of {len(told)} of {self.robot.name} with "
@@ -94,7 +107,7 @@ def with_effects(plant: Plant, terms: Terms) -> Plant:
 
 
 class _EffectiveCourse(Course):
-    """The commands so far, and the memory of the cables."""
+    """The commands so far, and the memory of the cables. Winches are not measured as late as points."""
 
     def __init__(self, plant: EffectivePlant, state: State) -> None:
         super().__init__(plant, state)
@@ -107,7 +120,10 @@ class _EffectiveCourse(Course):
         controls = np.asarray(controls, float)
         plant._check(self.state, controls)
         self._controls = np.concatenate([self._controls, controls], axis=1)
-        told = plant._augmented.commands(self._controls, [plant.terms])[:, done:]
-        motion = plant._moved(self.state, told, self._memory)
+        told = plant._measured.commands(self._controls, [plant.terms])[:, done:]
+        motion = plant._moved(self.state, told, self._memory, controls.shape[1])
         self.state, self._memory = motion.states[:, -1], motion.memory
-        return plant._trajectory(motion, controls)
+        made = plant._trajectory(motion, controls)
+        if not motion.channels.size:
+            return made
+        return replace(made, observations=replace(made.observations, winch=motion.channels))

@@ -88,6 +88,17 @@ def settling(plant: Plant, patience: float = PATIENCE) -> Settling:
     return Settling(speed, early, late, moved, lost, False, rest, period)
 
 
+def swing_period(plant: Plant) -> float:
+    """Period with which a hanging robot swings about its rest [s]; 0 for one that does not."""
+    try:
+        found = settling(plant) if plant.robot.tethered else None
+    except ModelError:
+        return 0.0
+    if found is None or found.lost or not np.isfinite(found.period):
+        return 0.0
+    return found.period
+
+
 class _Clock:
     """A plant whose winches hold, with a limit on the wall-clock time it may take."""
 

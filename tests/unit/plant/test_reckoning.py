@@ -89,6 +89,31 @@ def test_a_marker_that_is_lost_takes_only_its_bodys_cables_with_it(robot) -> Non
     assert np.sqrt(((known - truth) ** 2).mean()) < np.sqrt(((nominal - truth) ** 2).mean())
 
 
+def test_a_robot_whose_points_are_late_measures_its_winches_in_time(robot) -> None:
+    late: Terms = (Term(NAMED["sensor_latency"], None, (0.055,)),)
+    plant = Plant(robot)
+    start = plant.settle(1.0)
+    controls = RandomControls(robot, 0.01).sequence(plant.winch(start)[0], 90, draws.seed() % 2**31)
+    prompt = plant.begin(start).go(controls[None]).observations
+    course, winch, points, states = EffectivePlant(plant, late).begin(start), [], [], []
+    for piece in np.split(controls, [1, 30, 37]):
+        made = course.go(piece[None])
+        winch.append(made.observations.winch[0, 1:])
+        points.append(made.observations.points[0, 1:])
+        states.append(plant.winch(made.states)[0, 1:])
+    measured, behind = np.concatenate(winch), np.concatenate(states)
+    between = (prompt.winch[0, :-1] + prompt.winch[0, 1:]) / 2
+    np.testing.assert_allclose(measured, prompt.winch[0, 1:], atol=2e-3 * robot.length)
+    np.testing.assert_allclose(behind[5:], between[:-5], atol=1e-9)
+    assert off(measured, behind) > 5e-3 * robot.length
+    # Whoever knows of the latency knows where the winches were at the points' time.
+    first = plant.winch(start)
+    seen = Observation(np.concatenate(points), np.concatenate([first, measured]))
+    seen = dataclasses.replace(seen, points=np.concatenate([prompt.points[0, :1], seen.points]))
+    known = Reckoning(robot, 0.01, late).known(Trajectory(seen, controls, 0.01))
+    np.testing.assert_allclose(known[6:], behind[5:], atol=2e-3 * robot.length)
+
+
 @pytest.mark.parametrize("noise", [0.0, 0.003])
 def test_winches_that_slow_down_under_load_are_told_by_what_is_seen(robot, noise) -> None:
     terms = typical("torque_speed", robot, 2.0)

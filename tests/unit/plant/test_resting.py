@@ -5,10 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flywheel.dynamics.plant import Plant, settling
+from flywheel.diagnosis.fitting.model import ModelUnderTest
+from flywheel.dynamics.plant import Plant, settling, swing_period
 from flywheel.errors import ModelError
-from flywheel.records import State
-from flywheel.robots import load_robot, read_robot
+from flywheel.records import Observation, State, Trajectory
+from flywheel.robots import GRAVITY, load_robot, read_robot
+from tests import draws
 
 PENDULUM = """
 <mujoco model="pendulum">
@@ -53,6 +55,26 @@ def test_a_pendulum_swings_about_where_it_rests() -> None:
     assert np.abs(found.rest.qpos[0, :3] - [0, 0, 2]).max() < 1e-3
     assert found.moved == pytest.approx(0.03, abs=2e-3)
     assert found.period == pytest.approx(2 * np.pi / np.sqrt(9.81), rel=0.005)
+
+
+def test_windows_of_a_hanging_robot_are_as_long_as_it_swings() -> None:
+    swinging, calm = hanging(0.03), Plant(load_robot("platform4"))
+    period = 2 * np.pi / np.sqrt(9.81)
+    assert swing_period(swinging) == pytest.approx(period, rel=0.005)
+    assert swing_period(calm) == swing_period(Plant(load_robot("prism3"))) == 0.0
+    assert swing_period(hanging(0.0)) == 0.0
+    for plant, wanted in ((swinging, period), (calm, 1.8 * np.sqrt(calm.robot.length / GRAVITY))):
+        steps = round(12.0 / plant.dt)
+        hold = plant.robot.holding(plant.robot.winch_of(plant.robot.keyframe))
+        seen = plant.simulate(plant.rest(), np.tile(hold, (1, steps, 1))).observations[0]
+        points = seen.points + np.random.default_rng(draws.seed()).normal(
+            0, 1e-4, seen.points.shape
+        )
+        track = Trajectory(Observation(points, seen.winch), np.tile(hold, (steps, 1)), plant.dt)
+        windows = ModelUnderTest(plant, None, 0).windows([track])
+        assert windows.steps * plant.dt == pytest.approx(wanted, rel=0.1)
+        asked = ModelUnderTest(plant, None, 0).windows([track], seconds=0.7)
+        assert asked.steps * plant.dt == pytest.approx(0.7, rel=0.1)
 
 
 def test_its_time_constant_is_that_of_its_motion() -> None:
