@@ -50,6 +50,7 @@ class Allowed:
       attribute: of the MJCF for it.
       low, high: the range.
       unit: of all three.
+      remark: on a number outside; a sentence.
     """
 
     field: str
@@ -57,12 +58,15 @@ class Allowed:
     low: float
     high: float
     unit: str = ""
+    remark: str = ""
 
 
 ALLOWED = (
     # More steps than this in a control step of 10 ms take seconds; fewer miss all that moves.
     Allowed("opt.timestep", "timestep", 1e-5, 0.1, "s"),
-    Allowed("opt.gravity", "gravity", -1e3, 1e3, "m/s^2"),
+    Allowed(
+        "opt.gravity", "gravity", -1e3, 1e3, "m/s^2", "Lengths are in metres, not in millimetres."
+    ),
     Allowed("opt.wind", "wind", -1e3, 1e3, "m/s"),
     Allowed("opt.density", "density", 0.0, 1e5, "kg/m^3"),
     Allowed("opt.viscosity", "viscosity", 0.0, 1e5, "Pa s"),
@@ -178,7 +182,8 @@ def _refuse_outside(model: mujoco.MjModel, allowed: Allowed, what: str) -> None:
         unit = f" {allowed.unit}" if allowed.unit else ""
         raise MjcfError(
             f"{_element(model, allowed.field, int(place[0]), what)} has {allowed.attribute} "
-            f"{values[tuple(place)]:g}{unit}; allowed {allowed.low:g} to {allowed.high:g}{unit}."
+            f"{values[tuple(place)]:g}{unit}; allowed {allowed.low:g} to {allowed.high:g}{unit}. "
+            f"{allowed.remark}".rstrip()
         )
 
 

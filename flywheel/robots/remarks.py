@@ -11,6 +11,7 @@ from flywheel.robots.cables import clamped_actuator
 from flywheel.robots.robot import Robot
 
 HARDLY = 1e-9  # [m]; more than a limit may be exceeded by for how numbers are written
+HEAVY = 25.0  # [m/s^2]; more than on any planet
 SLOW = 300.0  # [s] through all its positions: no episode shows a winch that takes longer
 
 
@@ -23,6 +24,11 @@ def remarks(robot: Robot) -> Iterator[str]:
     mujoco.mj_comPos(model, data)
     mujoco.mj_tendon(model, data)
     yield from without_winches(robot)
+    if (gravity := float(np.linalg.norm(model.opt.gravity))) > HEAVY:
+        yield (
+            f"Its gravity is {gravity:g} m/s^2: are its lengths in decimetres or centimetres? They are taken "
+            "to be metres, and so are those of its recordings."
+        )
     if robot.tension_driven:
         yield (
             "Its winches take tensions: recordings, compare, diagnose, power and design know them; networks, "

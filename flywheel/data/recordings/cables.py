@@ -40,6 +40,7 @@ POOR = 0.2  # share of the cables' motion that is left where an explanation may 
 BALANCED_ROWS = 40  # rows from which mean forces are taken
 UNHELD = 0.1  # share of the weight that may be held by nothing, for all that is wrong with an MJCF
 HANGING = 0.1  # height above the ground at which nothing stands on it, in L
+MORE = 1.5  # times a winch's strongest pull that no load cell shows by its own error
 UNITS = 3.0  # times as long, or short: no cable is so wrong, its unit is
 AXES = "xyz"
 
@@ -307,12 +308,16 @@ def _better_axes(evidence: Evidence, impossible: bool) -> str:
     return f"They would fit if the log were mirrored: {{{axes_told}}}."
 
 
-def check_channels(log: Log, points: Floats, robot: Robot) -> None:
+def check_channels(log: Log, points: Floats, robot: Robot) -> list[Finding]:
     """Compare measured lengths of cables with those between points (N, P, 3) [m], and tensions with zero.
+
+    Returns:
+      Notes on tensions that are much more than their cables' stiffness or winches give.
 
     Raises:
       DataError: a length is in another unit, or a tension pushes.
     """
+    found = []
     rows = np.flatnonzero(np.isfinite(points).all(axis=(1, 2)) & robot.free)[:ROWS]
     names = [cable.name for cable in robot.cables]
     for channel in log.channels:
@@ -323,6 +328,12 @@ def check_channels(log: Log, points: Floats, robot: Robot) -> None:
                 f"the tension of {channel.name!r} is usually {got:.4g} N, but cables pull: if the log has "
                 "tensions below 0, write units: {tension: -N}."
             )
+        if channel.kind == "tension" and len(known) and len(rows):
+            index = names.index(channel.name)
+            if words := _beyond(got, log, points, robot, rows, index):
+                found.append(
+                    Finding("channel", "noted", f"tension.{channel.name}", len(known), words=words)
+                )
         if channel.kind == "length" and len(known) and len(rows):
             between = lengths_between(points[rows], robot)[:, names.index(channel.name)]
             wanted = float(np.median(between))
@@ -331,6 +342,26 @@ def check_channels(log: Log, points: Floats, robot: Robot) -> None:
                     f"the length of {channel.name!r} is usually {got:.4g} m, between its points it is "
                     f"{wanted:.4g} m: is its unit right (units: {{length: mm}})?"
                 )
+    return found
+
+
+def _beyond(
+    tension: float, log: Log, points: Floats, robot: Robot, rows: NDArray[np.int64], index: int
+) -> str:
+    """A sentence on a usual tension [N] that a cable can hardly have; "" for any other."""
+    cable, words = robot.cables[index], f"is usually {tension:.4g} N, but "
+    rest, relative = _rest_lengths(log, robot, rows)
+    if tension > MORE * cable.strongest:
+        return f"{words}its winch pulls {cable.strongest:.4g} N at most: is its unit right?"
+    if not cable.stiffness or relative[index]:
+        return ""
+    longer = float(np.median((lengths_between(points[rows], robot) - rest)[:, index]))
+    if tension / cable.stiffness <= max(longer, 0.0) + PULLED * stretch(robot)[index]:
+        return ""
+    return (
+        f"{words}the cable is {1000 * longer:.3g} mm longer than its rest length, which is "
+        f"{max(longer, 0.0) * cable.stiffness:.3g} N by its stiffness: is its unit right?"
+    )
 
 
 def told_positions(log: Log, robot: Robot) -> Floats:

@@ -30,6 +30,7 @@ from flywheel.errors import ConfigError, DataError
 from flywheel.files import yaml_text
 from flywheel.records import Floats
 from flywheel.robots import Robot
+from flywheel.robots.parts import WinchKind
 from flywheel.validation import validated
 
 PERIODS = (1e-4, 0.5)  # usual times between rows [s]
@@ -37,6 +38,13 @@ EVEN = 0.2  # share by which the steps of a column of times differ
 UNIT = 0.1  # share by which distances may be off the MJCF's
 ALIKE = 0.7  # correlation from which a column is that of a winch
 MOST = 60  # columns that are compared with the cables
+COUNTS = re.compile(r"frame|index|seq|count|sample|row|step")  # columns that are no times
+COMMANDS = re.compile(
+    r"cmd|command|told|set|target|tgt|ref|goal|ctrl|control|desired|soll|(^|\W)u\d"
+)
+WITH_UNIT = re.compile(
+    r"\s*[\[(]\s*((?:[mc]?m|in|ft|rad|deg|k?N|m?s)(?:/s)?)\s*[\])]\s*$"
+)  # a column's name
 Y_UP = {"x": "x", "y": "-z", "z": "y"}
 
 
@@ -92,7 +100,23 @@ def _markers(file: LogFile) -> list[str]:
                 and base + "[3]" not in there
             ):
                 found.append(base)
-    return found
+    return [*found, *_spelled(file)]
+
+
+def _spelled(file: LogFile) -> dict[str, list[str]]:
+    """Marker -> its three columns, where their names end in a unit: `m1 X [mm]`."""
+    found: dict[str, dict[str, str]] = {}
+    for name in (name for stream in file.streams for name in stream.columns):
+        parts = re.fullmatch(r"(.*[^\W_])[\W_]*([xyz])", WITH_UNIT.sub("", name), re.I)
+        if parts and _unit_of(name):
+            found.setdefault(parts[1], {})[parts[2].lower()] = name
+    return {name: [each[a] for a in "xyz"] for name, each in found.items() if len(each) == 3}
+
+
+def _unit_of(name: str, per: str = "") -> str:
+    """The unit of length, or of speed per "/s", at the end of a column's name, in brackets; "" for none."""
+    found = WITH_UNIT.search(name)
+    return found[1] if found and found[1] in {f"{unit}{per}" for unit in LENGTHS} else ""
 
 
 def _entry(path: Path, file: LogFile, folder: Path, draft: Draft) -> dict[str, object]:
@@ -102,13 +126,18 @@ def _entry(path: Path, file: LogFile, folder: Path, draft: Draft) -> dict[str, o
     if not timeless:
         return entry
     columns = list(timeless[0].columns)
-    if file.title == "table" and columns[0] == "column 1":
+    if file.title == "table" and columns[:1] == ["column 1"]:
         entry["columns"] = [f"c{i}" for i in range(1, 1 + len(columns) + len(timeless[0].texts))]
         draft.remarks.append(f"{file.name} has no header: c1, c2, ... are its columns; name them")
     names = [name for stream in timeless if (name := _time_of(stream)) is not None]
     if not names:
         entry["rate"] = 100
         draft.remarks.append(f"{file.name} has no column of times: its rate [Hz] is to fill in")
+        for name in (n for stream in timeless for n in stream.columns if _named_time(n)):
+            draft.remarks.append(
+                f"{file.name}: {name!r} has times more than once; rows of several things at a time need "
+                "where: {COLUMN: VALUE}, which chooses those of one, or columns of their own"
+            )
         return entry
     values = next(stream.columns[names[0]] for stream in timeless if names[0] in stream.columns)
     step = float(np.nanmedian(np.diff(values)))
@@ -133,15 +162,18 @@ def _time_of(stream: Stream) -> str | None:
         steps = np.diff(stream.columns[name])
         return bool(len(steps) and (steps > 0).all())
 
-    named = [
-        n for n in stream.columns if n.lower() in TIME_NAMES or re.search(r"time|stamp", n.lower())
-    ]
-    for name in [*named, *stream.columns]:
+    named = [name for name in stream.columns if _named_time(name)]
+    others = [n for n in stream.columns if not COUNTS.match(n.lower())]
+    for name in [*named, *others]:
         if rises(name):
             steps = np.diff(stream.columns[name])
             if name in named or np.ptp(np.percentile(steps, [25, 75])) <= EVEN * np.median(steps):
                 return name
     return None
+
+
+def _named_time(name: str) -> bool:
+    return name.lower() in TIME_NAMES or re.search(r"time|stamp", name.lower()) is not None
 
 
 def _add_points(draft: Draft, known: Sequence[str], file: LogFile, robot: Robot) -> None:
@@ -157,19 +189,41 @@ def _add_points(draft: Draft, known: Sequence[str], file: LogFile, robot: Robot)
         draft.values["poses"] = bodies
         draft.remarks.append("poses are those of the MJCF's bodies if at and turned are right")
         return
+    if len(found) < len(names) and (pose := _ros_pose(known, columns)) and len(robot.bodies) == 1:
+        draft.values["poses"] = {robot.bodies[0].name: pose}
+        draft.remarks.append("the pose is that of the MJCF's body if at and turned are right")
+        return
     plain = [name for name in known if name not in turned and not name.endswith("(solved)")]
     if len(found) < len(names):
         plain = _alike(plain, len(names))
     if len(found) < len(names) == len(plain):
         found = dict(zip(names, plain, strict=True))
         draft.remarks.append("markers are in the order of the file: their names tell nothing")
-    draft.values["markers"] = {name: found.get(name) for name in names}
+    spelled = _spelled(file)
+    their = [found.get(name) for name in names]
+    draft.values["markers"] = {
+        name: spelled.get(str(marker), marker) for name, marker in zip(names, their, strict=True)
+    }
+    units = {_unit_of(spelled[each][0]) for each in their if each in spelled}
+    if len(units) == 1:
+        draft.values["units"] = {"points": units.pop()}
     missing = [name for name in names if name not in found]
     if missing:
         draft.remarks.append(
             f"markers of {', '.join(missing)} are to fill in, or poses of bodies; there are: "
             f"{', '.join((plain or list(columns))[:40])}"
         )
+
+
+def _ros_pose(known: Sequence[str], columns: Sequence[str]) -> dict[str, object] | None:
+    """The pose in columns named as ROS names its fields, `pose.position.x`; None unless there is one."""
+    found: list[dict[str, object]] = []
+    for name in known:
+        turn = [f"{name.removesuffix('position')}orientation.{axis}" for axis in "xyzw"]
+        if name.endswith("position") and set(turn) <= set(columns):
+            place = [f"{name}.{axis}" for axis in "xyz"]
+            found.append({"position": place, "rotation": turn, "order": "xyzw"})
+    return found[0] if len(found) == 1 else None
 
 
 def _alike(names: list[str], count: int) -> list[str]:
@@ -183,17 +237,28 @@ def _alike(names: list[str], count: int) -> list[str]:
 
 def _by_name(names: Sequence[str], known: Sequence[str]) -> dict[str, str]:
     """Ours -> theirs, where a name is the same but for case, signs and what stands before it."""
-    plain = {_plain(name): name for name in reversed(known)}
-    last = {_plain(re.split(r"[:./ ]", name)[-1]): name for name in reversed(known)}
+    bare = {name: WITH_UNIT.sub("", name) for name in reversed(known)}
+    plain = {_plain(each): name for name, each in bare.items()}
+    last = {_plain(re.split(r"[:./ ]", each)[-1]): name for name, each in bare.items()}
     found: dict[str, str] = {}
     for name in names:
         their = plain.get(_plain(name)) or last.get(_plain(name))
-        if their is None:
-            near = get_close_matches(_plain(name), list(last), n=1, cutoff=0.8)
-            their = last[near[0]] if near else None
         if their is not None and their not in found.values():
             found[name] = their
-    return found
+    for name in names:
+        left = [
+            each
+            for each in last
+            if _digits(each) == _digits(name) and last[each] not in found.values()
+        ]
+        near = get_close_matches(_plain(name), left, n=1, cutoff=0.8)
+        if near and name not in found:
+            found[name] = last[near[0]]
+    return {name: found[name] for name in names if name in found}
+
+
+def _digits(name: str) -> str:
+    return re.sub(r"\D", "", name)
 
 
 def _plain(name: str) -> str:
@@ -220,15 +285,17 @@ def _placed(
         else np.array([1.0])
     )
     ratio = float(np.nanmedian(ratios)) if np.isfinite(ratios).any() else 1.0
+    told = LENGTHS[str(_units(draft).get("points", "m"))]
     for unit, factor in LENGTHS.items():
-        if unit != "m" and abs(ratio * factor - 1) < UNIT:
+        if abs(ratio - 1) > UNIT > abs(ratio * factor / told - 1):
             draft.values["units"] = {"points": unit}
             draft.remarks.append(f"the unit of the points, {unit}, is that of the MJCF's distances")
-    if rods and abs(ratio * LENGTHS[str(_units(draft).get("points", "m"))] - 1) > UNIT:
+    now = LENGTHS[str(_units(draft).get("points", "m"))]
+    if rods and abs(ratio * now / told - 1) > UNIT:
         draft.remarks.append(
             f"distances on bodies are {ratio:.3g} times the MJCF's: are these its markers?"
         )
-    _add_axes(draft, points[1], robot, file)
+    _add_axes(draft, (_positions(draft, folder, robot) or points)[1], robot, file)
     return _positions(draft, folder, robot)
 
 
@@ -272,11 +339,14 @@ def _add_commands(
     how = draft.how()
     sheets = Sheets(folder, how, how.files)
     used = {f"{n}{end}" for n in sheets.markers() for end in (".x", ".y", ".z", *QUATERNION)}
+    used |= {f"{n}{end}" for n in _sources(draft) for end in ("", "[0]", "[1]", "[2]")}
     columns = [n for n in sheets.names() if n not in used and n.lower() not in TIME_NAMES]
     columns = [n for n in columns if n not in _times(how) and not n.lower().startswith("frame")]
     winches = [winch.name for winch in robot.winches]
     found: dict[str, object] = dict(_by_name(winches, columns))
     by_cables = points is not None and robot.free and not robot.tension_driven
+    if len(found) < len(winches):
+        found = _in_order(winches, columns, draft) or found
     if len(found) < len(winches) and by_cables and points is not None:
         found = _by_cables(sheets, columns, points, robot, draft)
     for name in winches:
@@ -288,10 +358,7 @@ def _add_commands(
             f"{', '.join(columns[:40])}"
         )
     draft.values["commands"] = {
-        winch.name: {"from": found[winch.name], "unit": "m"}
-        if winch.kind == "position" and found[winch.name] != HOLD
-        else found[winch.name]
-        for winch in robot.winches
+        winch.name: _command(str(found[winch.name]), winch.kind) for winch in robot.winches
     }
     draft.remarks.append(
         "commands are taken for m/s, those of positions for m, tensions for N: compare with the log's units"
@@ -304,6 +371,37 @@ def _add_commands(
         draft.remarks.append(
             "a file with a clock of its own needs align: auto, or offset (seconds)"
         )
+
+
+def _command(name: str, kind: WinchKind) -> object:
+    """A command in the map: its column, with the unit that its name says, or m of a position."""
+    if name == HOLD or kind == "tension":
+        return name
+    unit = _unit_of(name, "/s" if kind == "rate" else "") or ("m" if kind == "position" else "")
+    return {"from": name, "unit": unit} if unit else name
+
+
+def _sources(draft: Draft) -> list[str]:
+    """Names of the markers in the draft, or of their columns."""
+    markers = draft.values.get("markers", {})
+    found = markers.values() if isinstance(markers, dict) else ()
+    return [name for each in found if each for name in ([each] if isinstance(each, str) else each)]
+
+
+def _in_order(winches: Sequence[str], columns: Sequence[str], draft: Draft) -> dict[str, object]:
+    """Winch -> column, where as many columns as winches are numbered: those named as commands are, or all."""
+    groups: dict[str, list[str]] = {}
+    for name in columns:
+        if numbered := re.fullmatch(r"(.*?\D)\d+\D?", name):
+            groups.setdefault(numbered[1], []).append(name)
+    whole = [group for group in groups.values() if len(group) == len(winches)]
+    fitting = [group for group in whole if COMMANDS.search(group[0].lower())] or whole
+    if len(fitting) != 1 or len(winches) < 2:
+        return {}
+    draft.remarks.append(
+        f"commands are in the order of the file, {fitting[0][0]!r} to {fitting[0][-1]!r}: is it the winches'?"
+    )
+    return dict(zip(winches, fitting[0], strict=True))
 
 
 def _times(how: RecordingMap) -> set[str]:
@@ -334,15 +432,16 @@ def _by_cables(
                 made = np.concatenate([[0.0], np.cumsum(values[:-1] * np.diff(when))])
             fits[i, j] = _best(time, lengths[:, winch.cables[0]], when, made)
     rows, picked = linear_sum_assignment(-np.abs(fits))
-    found_: dict[str, object] = {}
+    found_, told = dict[str, object](), list[str]()
     for i, j in zip(rows.tolist(), picked.tolist(), strict=True):
         if abs(fits[i, j]) > ALIKE:
-            found_[robot.winches[i].name] = ("-" if fits[i, j] < 0 else "") + chosen[j]
+            name = robot.winches[i].name
+            found_[name] = ("-" if fits[i, j] < 0 else "") + chosen[j]
+            told.append(f"{name} {abs(fits[i, j]):.2f}")
     if found_:
-        told = ", ".join(
-            f"{w} {abs(fits[i, j]):.2f}" for w, i, j in zip(found_, rows, picked, strict=False)
+        draft.remarks.append(
+            f"commands are guessed by what the cables do (correlation: {', '.join(told)})"
         )
-        draft.remarks.append(f"commands are guessed by what the cables do (correlation: {told})")
     return found_
 
 

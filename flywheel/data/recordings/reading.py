@@ -238,7 +238,7 @@ def _checked(
     points, found = judged(tracked, robot, log.time, "swaps" in how.repair)
     _check_kept(log.points, points, findings + found)
     controls = np.clip(log.controls, robot.control_low, robot.control_high)  # rounding only
-    check_channels(log, points, robot)
+    findings += check_channels(log, points, robot)
     noisy = {name: channel.noise for name, channel in how.winches.items() if channel.noise}
     channels = log.channels + tuple(
         MeasuredChannel("winch", winch.name, log.winch[:, i], noisy[winch.name])

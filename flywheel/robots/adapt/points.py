@@ -16,6 +16,7 @@ SAME = 1e-6  # [m]; nearer is the same place
 LONG = [int(mujoco.mjtGeom.mjGEOM_CAPSULE), int(mujoco.mjtGeom.mjGEOM_CYLINDER)]
 TOP = ((1, 1, 1), (-1, 1, 1), (-1, -1, 1), (1, -1, 1))  # corners of a box, seen from above
 ENOUGH = 2  # of points, for a body that is long
+SLENDER = 0.25  # of a rod's length: its cables end nearer to its axis
 
 
 def points(draft: Draft) -> Iterator[Change]:
@@ -59,31 +60,52 @@ def _measured(model: mujoco.MjModel) -> Iterator[int]:
 def _places(
     model: mujoco.MjModel, data: mujoco.MjData, index: int, body: int
 ) -> list[tuple[str, Floats]]:
-    """Places in the body's frame (3,) [m] that are worth seeing, each with its words."""
+    """Places in the body's frame (3,) [m] that are worth seeing, each with its words.
+
+    Places on a line tell the pose of a rod only, whose cables end near that line.
+    """
+    ends = [in_body_frame(model, data, index, data.site_xpos[s]) for s in _cable_ends(model, body)]
+    proposed = [each for each in _proposed(model, data, index, body, ends) if len(each) >= ENOUGH]
+    told = [each for each in proposed if _tells_pose([place for _, place in each], ends)]
+    return next(iter([*told, *proposed]), [("the origin", np.zeros(3))])
+
+
+def _tells_pose(places: list[Floats], ends: list[Floats]) -> bool:
+    """True for places that are not on a line, or on that of a rod whose cables have these ends."""
+    here = np.array(places)
+    middle = here.mean(axis=0)
+    _, spread, axes = np.linalg.svd(here - middle)
+    if len(places) > ENOUGH and spread[1] > SAME:
+        return True
+    off = np.array(ends).reshape(-1, 3) - middle
+    across = np.linalg.norm(off - np.outer(off @ axes[0], axes[0]), axis=1)
+    return bool((across < SLENDER * np.ptp((here - middle) @ axes[0])).all())
+
+
+def _proposed(
+    model: mujoco.MjModel, data: mujoco.MjData, index: int, body: int, ends: list[Floats]
+) -> Iterator[list[tuple[str, Floats]]]:
+    """Places by the body's shape, then those where its cables end (3,) [m], each with its words."""
     geoms = np.flatnonzero(model.body_weldid[model.geom_bodyid] == body).tolist()
 
     def local(place: Floats) -> Floats:
         return in_body_frame(model, data, index, place)
 
     spheres = [g for g in geoms if model.geom_type[g] == mujoco.mjtGeom.mjGEOM_SPHERE]
-    if len(spheres) >= ENOUGH:
-        return [("a sphere", local(data.geom_xpos[g])) for g in spheres]
+    yield [("a sphere", local(data.geom_xpos[g])) for g in spheres]
     long = [g for g in geoms if int(model.geom_type[g]) in LONG]
     if long:
         longest = max(long, key=lambda g: model.geom_size[g, 1])
         half = data.geom_xmat[longest].reshape(3, 3)[:, 2] * model.geom_size[longest, 1]
         both = (data.geom_xpos[longest] - half, data.geom_xpos[longest] + half)
-        return [("an end", local(end)) for end in both]
+        yield [("an end", local(end)) for end in both]
     boxes = [g for g in geoms if model.geom_type[g] == mujoco.mjtGeom.mjGEOM_BOX]
     if boxes:
         largest = max(boxes, key=lambda g: float(model.geom_size[g].prod()))
         turn, size = data.geom_xmat[largest].reshape(3, 3), model.geom_size[largest]
         corners = (data.geom_xpos[largest] + turn @ (size * corner) for corner in TOP)
-        return [("an upper corner", local(corner)) for corner in corners]
-    ends = [local(data.site_xpos[s]) for s in _cable_ends(model, body)]
-    if len(_distinct(ends)) >= ENOUGH:
-        return [("an end of a cable", end) for end in _distinct(ends)]
-    return [("the origin", np.zeros(3))]
+        yield [("an upper corner", local(corner)) for corner in corners]
+    yield [("an end of a cable", end) for end in _distinct(ends)]
 
 
 def _cable_ends(model: mujoco.MjModel, body: int) -> list[int]:

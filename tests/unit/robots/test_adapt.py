@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from flywheel.dynamics.plant import Plant
+from flywheel.dynamics.plant import Plant, unseen_axes
 from flywheel.errors import MjcfError
 from flywheel.options import AdaptOptions
 from flywheel.robots import read_robot
@@ -412,6 +412,26 @@ def test_tracked_points_are_at_the_ends_of_rods(tmp_path):
     robot = read_robot(adapted(lab_files.crossed_bars, tmp_path).xml)
     ends = [point.offset for point in robot.points]
     assert np.array(ends) == pytest.approx(np.array([[0, 0, -0.3], [0, 0, 0.3]] * 2))
+
+
+@pytest.mark.parametrize(
+    ("body", "words"),
+    [
+        ('<geom type="cylinder" size=".2 .02" mass="3"/>', "an end of a cable"),
+        (
+            '<geom type="box" size=".15 .15 .03" mass="3"/><geom type="capsule" size=".05 .1"/>',
+            "an upper corner",
+        ),
+    ],
+    ids=["a disc", "a box with a camera"],
+)
+def test_tracked_points_tell_the_pose_of_what_is_no_rod(body, words, tmp_path):
+    world, cables = lab_files.platform(4, 'stiffness="900" springlength="0 1.5"', body)
+    text = f"<mujoco model='plate'><worldbody>{world}</worldbody><tendon>{cables}</tendon></mujoco>"
+    result = adapt(lab_files.written(tmp_path, text), AdaptOptions(winches=("*",)))
+    (change,) = (change for name, change in result.changes if name == "points")
+    assert [words in each for each in change.edits] == [True] * 4
+    assert not unseen_axes(read_robot(result.xml))
 
 
 def test_the_proof_tells_robots_apart_and_none_from_itself(tmp_path):

@@ -25,6 +25,10 @@ def option(text: str) -> tuple[str, str]:
         ([option('timestep="1e-9"')], "has timestep 1e-09 s"),
         ([option('timestep="10"')], "has timestep 10 s"),
         ([option('gravity="0 0 inf"')], "has gravity inf m/s^2"),
+        (
+            [option('gravity="0 0 -9810"')],
+            "to 1000 m/s^2. Lengths are in metres, not in millimetres.",
+        ),
         ([option('impratio="-1"')], "has impratio -1"),
         ([option('iterations="999999999" tolerance="0"')], "has iterations 1e+09; allowed 1 to"),
         ([option('o_solref="-1 1"')], "<option> needs solref with two numbers above 0"),

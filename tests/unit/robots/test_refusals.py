@@ -377,6 +377,12 @@ def test_sensors_of_something_else_than_sites_that_move_are_passed_over_and_said
     assert "passed over: 'pose'" in words
 
 
+def test_lengths_in_decimetres_are_asked_for() -> None:
+    begin = '<mujoco model="lamp">'
+    robot = read_robot(edited((begin, f'{begin}<option gravity="0 0 -98.1"/>')))
+    assert any("98.1 m/s^2: are its lengths in decimetres" in words for words in remarks(robot))
+
+
 def test_the_example_needs_no_remark() -> None:
     assert list(remarks(read_robot(GOOD))) == []
 

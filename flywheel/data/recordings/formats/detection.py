@@ -102,8 +102,12 @@ REFUSED: tuple[tuple[Callable[[bytes], bool], str], ...] = (
         "is YAML with Python tags, which run code when they are read. Write plain numbers, as CSV.",
     ),
     (
-        lambda b: re.match(rb"(comment|info|rigidbody|frame),", _plain(b)) is not None,
+        lambda b: re.match(rb"(comment|info|rigidbody),|frame, *[\d.]", _plain(b)) is not None,
         "is an export of the old Tracking Tools, in which markers have no names. Export it with Motive.",
+    ),
+    (
+        lambda b: re.match(rb'\{\s*"[^"]*"\s*:|\[\s*[\[{]', _plain(b)) is not None,
+        "is JSON. Write its numbers as CSV, or keep them as NPZ, HDF5 or Parquet.",
     ),
     (lambda b: b.startswith(b"\x1f\x8b"), "is compressed (gzip). Unpack it."),
     (

@@ -57,9 +57,12 @@ def read(path: Path, names: tuple[str, ...]) -> Contents:
     if len(header) < len(row):
         raise DataError(f"line {first + 1} has {len(row)} columns; {len(header)} names are given.")
     header = [name or f"column {i}" for i, name in enumerate(header, 1)]
-    found = dict(
-        zip(distinct(header), columns(body, delimiter, len(header), first + 1), strict=True)
-    )
+    begin = [_split(line, delimiter) for line in head(body, 2)]
+    if len(begin) == 2 and _numbers(begin[0]) == 0 < _numbers(begin[1]):  # a row of units
+        body, first, begin = after_line(body, 1), first + 1, begin[1:]
+    point = "," if begin and delimiter != "," and _decimal_comma(begin[0]) else "."
+    each = columns(body, delimiter, len(header), first + 1, point)
+    found = dict(zip(distinct(header), each, strict=True))
     values = {name: each for name, each in found.items() if isinstance(each, np.ndarray)}
     texts = {name: each for name, each in found.items() if not isinstance(each, np.ndarray)}
     stamps = frozenset(name for name, each in _stamped(found, body, delimiter) if each)
@@ -79,6 +82,17 @@ def _all_numbers(row: list[str]) -> bool:
         )
         > len(row) / 2
     )
+
+
+def _numbers(row: list[str]) -> int:
+    """Cells that are numbers, or times."""
+    return sum(bool(re.match(r"[-+]?[.,]?\d", cell)) for cell in row)
+
+
+def _decimal_comma(row: list[str]) -> bool:
+    """True for a row of numbers whose decimals are behind a comma."""
+    decimals = [bool(re.fullmatch(r"[-+]?\d+,\d+(e[-+]?\d+)?", cell, re.I)) for cell in row]
+    return any(decimals) and not any(re.fullmatch(r"[-+]?\d*\.\d+", cell) for cell in row)
 
 
 def _stamped(found: Iterable[str], body: bytes, delimiter: str) -> list[tuple[str, bool]]:

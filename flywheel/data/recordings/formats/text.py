@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,9 +19,27 @@ from flywheel.records import Floats
 
 LARGEST_TEXT = 1_000 * MB  # [bytes]
 MOST_HEADER = 1 << 20  # bytes in which the header must end
-MISSING = ["", "nan", "NaN", "NAN", "null", "NULL", "N/A", "n/a", "-nan", "None"]
+MISSING = [
+    "",
+    "nan",
+    "NaN",
+    "NAN",
+    "null",
+    "NULL",
+    "N/A",
+    "n/a",
+    "NA",
+    "#N/A",
+    "-nan",
+    "None",
+    "-",
+    "--",
+]
 DELIMITERS = ",;\t"
 UTF_16 = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
+
+CLOCK = re.compile(r"(\d{1,2}):([0-5]\d):([0-5]\d(?:[.,]\d+)?)")
+DAY = 86_400.0  # [s]
 
 Column = Floats | list[str]
 
@@ -65,7 +84,9 @@ def after_line(content: bytes, lines: int) -> bytes:
     return content[position:]
 
 
-def columns(content: bytes, delimiter: str, width: int, row: int = 1) -> list[Column]:
+def columns(
+    content: bytes, delimiter: str, width: int, row: int = 1, point: str = "."
+) -> list[Column]:
     """Columns of a table without a header, each as numbers, or as texts where one of its cells is no number.
 
     Args:
@@ -73,6 +94,7 @@ def columns(content: bytes, delimiter: str, width: int, row: int = 1) -> list[Co
       delimiter: between cells.
       width: number of columns; shorter rows end with missing cells.
       row: line of the file at which it begins, for messages.
+      point: before decimals.
 
     Raises:
       DataError: there are no rows, or a row has too many cells.
@@ -82,9 +104,9 @@ def columns(content: bytes, delimiter: str, width: int, row: int = 1) -> list[Co
     first = next(line for line in content[:MOST_HEADER].splitlines() if line.strip(b"\r\n"))
     wide = first.count(delimiter.encode()) + 1
     try:  # rows may end with a delimiter
-        table = _read(content, delimiter, wide if wide == width + 1 else width)
+        table = _read(content, delimiter, wide if wide == width + 1 else width, point)
     except pa.ArrowInvalid:
-        table = _read(_padded(content, delimiter, width, row), delimiter, width)
+        table = _read(_padded(content, delimiter, width, row), delimiter, width, point)
     return _without_blanks([_column(each) for each in table.columns[:width]])
 
 
@@ -106,14 +128,15 @@ def _without_blanks(found: list[Column]) -> list[Column]:
     ]
 
 
-def _read(content: bytes, delimiter: str, width: int) -> pa.Table:
+def _read(content: bytes, delimiter: str, width: int, point: str) -> pa.Table:
     names = [str(i) for i in range(width)]
     return arrow_csv.read_csv(
         pa.BufferReader(content),
         arrow_csv.ReadOptions(column_names=names, use_threads=False),
         arrow_csv.ParseOptions(delimiter=delimiter),
         arrow_csv.ConvertOptions(
-            null_values=MISSING, strings_can_be_null=True,  true_values=[], false_values=[]
+            null_values=MISSING, strings_can_be_null=True,  true_values=[], false_values=[],
+            decimal_point=point,
         ),
     )  # fmt: skip
 
@@ -152,7 +175,18 @@ def _column(values: pa.ChunkedArray) -> Column:
     try:
         return np.array([float(each.strip() or "nan") for each in texts])
     except ValueError:
-        return texts
+        return texts if (seconds := _times_of_day(texts)) is None else seconds
+
+
+def _times_of_day(texts: Sequence[str]) -> Floats | None:
+    """Seconds from the first midnight on, of times such as 23:59:58.25; None if there are others."""
+    found = [CLOCK.fullmatch(each.strip()) for each in texts]
+    hours = np.array([[g.replace(",", ".") for g in m.groups()] for m in found if m], float)
+    if len(hours) < len(found) or not len(found):
+        return None
+    seconds = hours @ [3600.0, 60.0, 1.0]
+    nights = np.cumsum(np.diff(seconds, prepend=seconds[:1]) < -DAY / 2)
+    return np.asarray(seconds + DAY * nights)
 
 
 def _text(value: object) -> str:

@@ -109,5 +109,6 @@ def _check_names(robot: Robot, how: RecordingMap) -> None:
     if blind:
         raise DataError(
             f"the map's winches has {listed(blind)}, whose position the MJCF does not measure: add a "
-            "<user> sensor of its actuator, or leave it out."
+            f'<user> sensor of its actuator, <user name="{blind[0]}_position" objtype="actuator" '
+            f'objname="{blind[0]}" dim="1"/>, or leave it out.'
         )

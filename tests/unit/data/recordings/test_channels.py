@@ -15,6 +15,7 @@ from flywheel.errors import DataError
 from flywheel.records import Episode, MeasuredChannel, Observation, Provenance, Trajectory
 from flywheel.robots import Robot, load_robot
 from flywheel.truth_simulator.recording import record
+from tests.unit.data.recordings.formats.truth import made
 
 FIRST, SECOND = 0, 1
 
@@ -27,8 +28,8 @@ def robot() -> Robot:
 @pytest.fixture(scope="module")
 def episode(robot: Robot) -> Episode:
     """Half a second with a tension and a length, of which samples are missing."""
-    made = record(robot, seconds=0.5, seed=1)
-    rng, rows = np.random.default_rng(1), len(made.points)
+    log = record(robot, seconds=0.5, seed=1)
+    rng, rows = np.random.default_rng(1), len(log.points)
     tension, length = rng.normal(20, 1, rows), rng.normal(1.8, 1e-3, rows)
     tension[7] = np.nan
     names = [cable.name for cable in robot.cables]
@@ -36,7 +37,7 @@ def episode(robot: Robot) -> Episode:
         MeasuredChannel("tension", names[FIRST], tension, 0.5),
         MeasuredChannel("length", names[SECOND], length, None),
     )
-    track = Trajectory(Observation(made.points, made.winch), made.controls, 0.01, channels=channels)
+    track = Trajectory(Observation(log.points, log.winch), log.controls, 0.01, channels=channels)
     return Episode("e", track, Provenance(robot.digest, source="recording"), "train")
 
 
@@ -71,9 +72,17 @@ def test_a_map_tells_columns_units_and_noise(
     beside = [header.index(f"tension.{one}"), header.index(f"length.{other}")]
     with (tmp_path / "log.csv").open("w") as file:
         csv.writer(file).writerows([header[: beside[0]], *(row[: beside[0]] for row in rows)])
-    late = [[row[0] - 0.102, row[beside[0]] / 9.80665, 1000 * row[beside[1]]] for row in cells]
+    late = [
+        [
+            row[0] - 0.102,
+            row[beside[0]] / 9.80665,
+            1000 * row[beside[1]],
+            row[beside[0]] / 9.80665e-3,
+        ]
+        for row in cells
+    ]
     with (tmp_path / "cells.csv").open("w") as file:
-        csv.writer(file).writerows([["t", "pull", "wire"], *late])
+        csv.writer(file).writerows([["t", "pull", "wire", "far"], *late])
     winch = robot.winches[0]
     how = RecordingMap.model_validate(
         {
@@ -100,18 +109,48 @@ def test_a_map_tells_columns_units_and_noise(
         DataError, match=rf"the tension of '{one}' is usually -[12]\d.* N, but cables pull"
     ):
         read_recording(tmp_path / "log.csv", robot, how=how.model_copy(update={"tensions": told}))
+    assert not [
+        f
+        for f in read_recording(tmp_path / "log.csv", robot, how=how).report.findings
+        if f.kind == "channel"
+    ]
+    told = {one: how.tensions[one].model_copy(update={"source": "far", "unit": "kgf"})}
+    read = read_recording(
+        tmp_path / "log.csv", robot, how=how.model_copy(update={"tensions": told})
+    )
+    (words,) = [f.words for f in read.report.findings if f.subject == f"tension.{one}"]
+    assert "its winch pulls 2000 N at most: is its unit right?" in words
     wrong = how.model_copy(update={"tensions": {"c9": how.tensions[one]}})
     with pytest.raises(DataError, match=f"tensions has c9; the robot platform4 has {one}, {other}"):
         read_recording(tmp_path / "log.csv", robot, how=wrong)
 
 
+@pytest.mark.parametrize(("factor", "far"), [(1.0, False), (100.0, True)])
+def test_a_tension_far_from_its_cable_s_law_is_reported(
+    factor: float, far: bool, tmp_path: Path
+) -> None:
+    truth, time = made(3.0), np.arange(250) / 100
+    robot = truth.robot
+    channel = MeasuredChannel("tension", robot.cables[2].name, np.full(250, factor * 15.0), 1.0)
+    assert robot.winches[robot.cables[2].winch].kind == "position"
+    seen = Observation(truth.points(time), truth.winch(time))
+    track = Trajectory(seen, truth.commands(time[:-1]), 0.01, channels=(channel,))
+    log = Episode("e", track, Provenance(robot.digest, "recording"), "train")
+    write_recording(log, tmp_path / "log.csv", robot)
+    found = read_recording(tmp_path / "log.csv", robot).report.findings
+    words = [f.words for f in found if f.subject == f"tension.{robot.cables[2].name}"]
+    assert [each.startswith("is usually 1500 N, but the cable is") for each in words] == [
+        True
+    ] * far
+
+
 @pytest.mark.parametrize(
     ("where", "noise", "known"),
     [
-        ("tensions", "1 Pa", "N, kN, kgf, lbf"),
-        ("tensions", "0.5 mm", "N, kN, kgf, lbf"),
+        ("tensions", "1 Pa", "N, kN, kgf, gf, lbf"),
+        ("tensions", "0.5 mm", "N, kN, kgf, gf, lbf"),
         ("lengths", "0.5 N", "m, cm, mm, in, ft"),
-        ("winches", "1 Pa", "m, cm, mm, in, ft, N, kN, kgf, lbf"),
+        ("winches", "1 Pa", "m, cm, mm, in, ft, N, kN, kgf, gf, lbf"),
     ],
 )
 def test_a_noise_has_a_unit_of_what_is_measured(where: str, noise: str, known: str) -> None:

@@ -11,6 +11,8 @@ from flywheel.cli.main import app
 from flywheel.data.recordings import guess, read_recording
 from flywheel.dynamics.plant import cables_by_winches
 from flywheel.errors import DataError
+from flywheel.records import Trajectory
+from flywheel.robots import load_robot
 from tests.unit.data.recordings.formats import writers
 from tests.unit.data.recordings.formats.test_formats import TIME, check, truth
 from tests.unit.data.recordings.formats.truth import Truth, made
@@ -62,6 +64,99 @@ def test_winches_without_a_name_are_told_by_the_cables(tmp_path: Path) -> None:
     assert "its time 0 is -3.30" in words
 
 
+def rows(path: Path, header: str, cells: list[list[str]], between: str = ",") -> Path:
+    """A table of text."""
+    path.write_text("\n".join([header, *(between.join(row) for row in cells)]) + "\n")
+    return path
+
+
+def imported_draft(paths: list[Path], truth: Truth, **changes: object) -> tuple[Trajectory, dict]:
+    """The recording by a draft with some changes, and the draft."""
+    folder = paths[0].parent
+    draft = yaml.safe_load(guess(paths, truth.robot, folder))
+    (folder / "map.yaml").write_text(yaml.safe_dump(draft | changes))
+    return read_recording(folder / "map.yaml", truth.robot).episodes[0].trajectory, draft
+
+
+def test_a_spreadsheet_has_decimal_commas_units_in_its_header_and_times_of_day(
+    truth: Truth, tmp_path: Path
+) -> None:
+    points, told = truth.points(TIME), truth.commands(TIME)
+    winches = [winch.name for winch in truth.robot.winches]
+    clock = [f"{23 + (t >= 1)}:{59 if t < 1 else 0}:{(59 + t) % 60:.3f}" for t in TIME]
+    cells = [
+        [at.replace("24:0", "0:00"), *(f"{1000 * x:.6f}" for x in [*p.ravel(), *u])]
+        for at, p, u in zip(clock, points, told, strict=True)
+    ]
+    for row in cells[20:30]:
+        row[4:7] = ["-", "--", "#N/A"]
+    kinds = {"rate": "mm/s", "position": "mm"}
+    header = [f"{n} {axis} [mm]" for n in writers.names(truth) for axis in "XYZ"]
+    header += [f"Soll {w.name} [{kinds[w.kind]}]" for w in truth.robot.winches]
+    path = tmp_path / "log.csv"
+    rows(path, ";".join(["Uhrzeit", *header]), cells, ";")
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes().replace(b".", b","))
+    track, draft = imported_draft([path], truth)
+    check(track, truth)
+    assert draft["units"] == {"points": "mm"}
+    assert draft["commands"][winches[0]]["unit"] == "mm/s"
+    assert draft["commands"][winches[2]] == {"from": f"Soll {winches[2]} [mm]", "unit": "mm"}
+
+
+def test_a_row_of_units_is_no_measurement_and_numbered_commands_are_in_order(
+    truth: Truth, tmp_path: Path
+) -> None:
+    names = [f"m{i}_{a}" for i in (1, 2, 3) for a in "xyz"]
+    header = ",".join(["t", *names, "set1", "set2", "set3"])
+    units = ["s", *["cm"] * 9, *["m/s"] * 3]
+    cells = [
+        [f"{t:.4f}", *(f"{100 * x:.7f}" for x in p.ravel()), *(f"{x:.7f}" for x in u)]
+        for t, p, u in zip(TIME, truth.points(TIME), truth.commands(TIME), strict=True)
+    ]
+    path = rows(tmp_path / "log.csv", header, [units, *cells])
+    track, draft = imported_draft([path], truth)
+    check(track, truth, hidden=False)
+    assert draft["units"] == {"points": "cm"}
+
+
+def test_a_name_with_another_number_is_another_name(tmp_path: Path) -> None:
+    robot = load_robot("prism3")
+    rng = np.random.default_rng(0)
+    names = [f"s{i}.{a}" for i in range(6) for a in "xyz"]
+    cells = [[f"{0.01 * k:.2f}", *(f"{x:.4f}" for x in rng.random(18))] for k in range(20)]
+    for row in cells:
+        row[10:13] = ["lost"] * 3
+    path = rows(tmp_path / "log.csv", ",".join(["time", *names]), cells)
+    draft = yaml.safe_load(guess([path], robot, tmp_path))
+    assert draft["markers"] == {f"s{i}": f"s{i}" if i != 3 else None for i in range(6)}
+
+
+def test_a_counter_is_no_time_and_times_that_repeat_are_told(truth: Truth, tmp_path: Path) -> None:
+    cells = [[str(k), f"{k // 3 / 100}", "a", "1.5"] for k in range(60)]
+    path = rows(tmp_path / "log.csv", "frame,stamp,marker,x", cells)
+    text = guess([path], truth.robot, tmp_path)
+    assert yaml.safe_load(text)["files"] == [{"path": "log.csv", "rate": 100}]
+    assert "'stamp' has times more than once" in text
+
+
+def test_a_pose_has_the_names_of_ros_and_json_is_refused(truth: Truth, tmp_path: Path) -> None:
+    place, turn = truth.pose(TIME)
+    fields = [f"field.pose.position.{a}" for a in "xyz"]
+    fields += [f"field.pose.orientation.{a}" for a in "xyzw"]
+    stamps = [str(1_700_000_000_000_000_000 + round(1e9 * t)) for t in TIME]
+    cells = [
+        [at, *(f"{x:.9f}" for x in [*p, *q, *u])]
+        for at, p, q, u in zip(stamps, place, turn, truth.commands(TIME), strict=True)
+    ]
+    header = ",".join(["%time", *fields, "field.data0", "field.data1", "field.data2"])
+    track, draft = imported_draft([rows(tmp_path / "log.csv", header, cells)], truth)
+    check(track, truth, hidden=False)
+    assert draft["files"] == [{"path": "log.csv", "time": "time", "unit": "ns"}]
+    rows(tmp_path / "lines.csv", '{"t": 0.0, "x": [1.5, 2.5]}', [['{"t": 0.1']])
+    with pytest.raises(DataError, match="is JSON. Write its numbers as CSV"):
+        guess([tmp_path / "lines.csv"], truth.robot, tmp_path)
+
+
 @pytest.mark.parametrize("unit", ["mm", "cm"])
 def test_the_unit_of_the_points_is_that_of_the_robot(
     unit: str, truth: Truth, tmp_path: Path
@@ -70,6 +165,7 @@ def test_the_unit_of_the_points_is_that_of_the_robot(
     np.savez(tmp_path / "log.npz", t=TIME, m=size * truth.points(TIME), u=truth.commands(TIME))
     draft = yaml.safe_load(text := guess([tmp_path / "log.npz"], truth.robot, tmp_path))
     assert draft["units"] == {"points": unit}
+    assert "axes" not in draft
     assert draft["markers"] == {"front": "m[0]", "left": "m[1]", "right": "m[2]"}
     assert "in the order of the file" in text
 
