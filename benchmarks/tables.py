@@ -45,7 +45,7 @@ from benchmarks.diagnosis.rates import hard_table, outside_table, rates_table
 from benchmarks.lab_files import LAB_FILES_CSV, LabFileRow
 from benchmarks.navigation import EpisodeRow, ModelRow
 from benchmarks.paper.definition import read_table, table_names
-from benchmarks.paper.rows import CellRow, left_out_table, result_table
+from benchmarks.paper.rows import CellRow, left_out_table, plants_table, result_table
 from benchmarks.paper.table import Table
 from benchmarks.recipes import RECIPES_CSV, RecipeRow
 from benchmarks.residual import ResidualRow, ResidualStudy
@@ -112,6 +112,14 @@ def paper_left_out() -> list[str]:
     return left_out_table((read_table(name), paper_rows(name)) for name in table_names())
 
 
+def paper_plants() -> list[str]:
+    """Errors of the long training on each plant, and of exact physics restarted in brackets."""
+    restarted = [
+        row for row in paper_rows("sim2sim") if (row.robot, row.method) == ("prism3", "restarted")
+    ]
+    return plants_table(paper_rows("long"), restarted)
+
+
 TABLES: dict[str, Callable[[], list[str]]] = {
     "diagnosis": lambda: rates_table(diagnosis("main", ("none", "single"), "x1")),
     "diagnosis-half": lambda: rates_table(diagnosis("main", ("single",), "x0.5")),
@@ -150,6 +158,7 @@ TABLES: dict[str, Callable[[], list[str]]] = {
         "s_course",
     ),
     "paper-left-out": paper_left_out,
+    "paper-plants": paper_plants,
     **{
         f"paper-{file.stem}": lambda name=file.stem: result_table(  # type: ignore[misc]
             read_table(name), paper_rows(name)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import statistics
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 from benchmarks.paper.definition import TableConfig
 
@@ -107,6 +108,27 @@ def result_table(table: TableConfig, rows: Sequence[CellRow]) -> list[str]:
     return lines[1:]
 
 
+def plants_table(rows: Sequence[CellRow], beside: Sequence[CellRow]) -> list[str]:
+    """Lines of Markdown: errors on each data set and their mean, and those of other rows in brackets."""
+
+    def mean(own: Sequence[CellRow]) -> CellRow:
+        means: dict[str, Any] = {
+            name: statistics.fmean(getattr(row, name) for row in own) for name in COLUMNS
+        }
+        return replace(own[0], dataset="mean of plants", **means)
+
+    def with_mean(rows: Sequence[CellRow]) -> list[CellRow]:
+        return [*rows, *(mean(own) for own in _groups(rows, "dataset"))]
+
+    others = {own[0].dataset: own for own in _groups(with_mean(beside), "dataset")}
+
+    def column(name: str) -> Column:
+        return lambda own: f"{spread(own, name)} ({spread(others[own[0].dataset], name)})"
+
+    columns = {title: column(name) for name, title in COLUMNS.items()}
+    return _lines("plant", columns, with_mean(rows), "dataset")
+
+
 def left_out_table(tables: Iterable[tuple[TableConfig, Sequence[CellRow]]]) -> list[str]:
     """Lines of Markdown: a row for each table, with the number of its cells, and all that have no cell."""
     parts = {"robots": "robot", "data sets": "dataset", "models": "method", "seeds": "seed"}
@@ -182,13 +204,23 @@ _COSTS: dict[str, Column] = {
 }
 
 
-def _lines(first: str, columns: Mapping[str, Column], rows: Sequence[CellRow]) -> list[str]:
-    """Lines of Markdown: a row for each model."""
+def _lines(
+    first: str, columns: Mapping[str, Column], rows: Sequence[CellRow], by: str = "method"
+) -> list[str]:
+    """Lines of Markdown: a row for each model, or for each value of another field."""
     lines = _head(first, list(columns))
-    for method in dict.fromkeys(row.method for row in rows):
-        own = [row for row in rows if row.method == method]
-        lines.append(f"| {method} | {' | '.join(of(own) for of in columns.values())} |")
+    for own in _groups(rows, by):
+        cells = (of(own) for of in columns.values())
+        lines.append(f"| {getattr(own[0], by)} | {' | '.join(cells)} |")
     return lines
+
+
+def _groups(rows: Sequence[CellRow], by: str) -> list[list[CellRow]]:
+    """Rows with the same value of a field, in the order of the first of each."""
+    groups: dict[str, list[CellRow]] = {}
+    for row in rows:
+        groups.setdefault(getattr(row, by), []).append(row)
+    return list(groups.values())
 
 
 def _head(first: str, heads: Sequence[str]) -> list[str]:

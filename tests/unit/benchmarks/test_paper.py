@@ -11,7 +11,14 @@ from benchmarks import tables
 from benchmarks.paper.__main__ import main
 from benchmarks.paper.datasets import RATES, DataSets
 from benchmarks.paper.definition import SIZES, TABLES, Cell, read_table, table_names
-from benchmarks.paper.rows import CellRow, left_out_table, page, result_table, spread
+from benchmarks.paper.rows import (
+    CellRow,
+    left_out_table,
+    page,
+    plants_table,
+    result_table,
+    spread,
+)
 from benchmarks.paper.table import Table, publisher
 from benchmarks.paper.worker import settings_digest
 from benchmarks.rows import write_rows
@@ -146,6 +153,36 @@ def test_diverged_cells_are_counted_and_not_averaged() -> None:
     text = "\n".join(page(read_table("sim2sim"), [replace(ROW, full_mse=3.0)]))
     assert "| network | 3 (1.1 ± 0.9) | diverged (14.0 ± 7.8)" in text
     assert "|  | 1 | 0.0885 |" in text  # mean over xyz, and without the division by L
+
+
+def test_the_mean_of_plants_counts_each_plant_once_however_many_seeds_it_has() -> None:
+    def rows(**errors: tuple[float, ...]) -> list[CellRow]:
+        return [
+            replace(ROW, dataset=name, seed=seed, full_mse=value, short_rot=value / 10)
+            for name, values in errors.items()
+            for seed, value in enumerate(values)
+        ]
+
+    lines = plants_table(rows(hard=(1.0, 3.0), soft=(8.0,)), rows(soft=(4.0,), hard=(2.0,)))
+    assert [line.split(" | ")[:2] for line in lines[2:]] == [
+        ["| hard", "2 ± 1.4 (2)"],
+        ["| soft", "8 (4)"],
+        ["| mean of plants", "5 ± 4.2 (3 ± 1.4)"],
+    ]
+    assert lines[2].endswith("| 0.2 ± 0.14 (0.2) |")
+    diverged = plants_table(rows(hard=(1.0, np.nan)), rows(hard=(2.0,)))
+    assert [line.split(" | ")[1] for line in diverged[2:]] == [
+        "1, 1 of 2 diverged (2)",
+        "diverged (2)",
+    ]
+
+
+def test_the_long_training_is_longer_at_its_usual_size_alone() -> None:
+    for size, longer in (("", True), *((size, False) for size in SIZES)):
+        runs = [read_table(name, size).config("prism3") for name in ("long", "sim2sim")]
+        steps = [run.training.initial.steps for run in runs]
+        assert (steps[0] > steps[1]) == longer and steps[0] >= steps[1]
+        assert [run.training.symmetries for run in runs] == [True, False]
 
 
 class FakeBoard:
