@@ -109,18 +109,20 @@ def result_table(table: TableConfig, rows: Sequence[CellRow]) -> list[str]:
 
 
 def plants_table(rows: Sequence[CellRow], beside: Sequence[CellRow]) -> list[str]:
-    """Lines of Markdown: errors on each data set and their mean, and those of other rows in brackets."""
+    """Lines of Markdown: errors on each data set, and their mean; those of other rows there in brackets."""
 
     def mean(own: Sequence[CellRow]) -> CellRow:
         means: dict[str, Any] = {
             name: statistics.fmean(getattr(row, name) for row in own) for name in COLUMNS
         }
-        return replace(own[0], dataset="mean of plants", **means)
+        return replace(own[0], dataset="mean", **means)
 
     def with_mean(rows: Sequence[CellRow]) -> list[CellRow]:
         return [*rows, *(mean(own) for own in _groups(rows, "dataset"))]
 
-    others = {own[0].dataset: own for own in _groups(with_mean(beside), "dataset")}
+    there = {row.dataset for row in rows}
+    known = with_mean([row for row in beside if row.dataset in there])
+    others = {own[0].dataset: own for own in _groups(known, "dataset")}
 
     def column(name: str) -> Column:
         return lambda own: f"{spread(own, name)} ({spread(others[own[0].dataset], name)})"

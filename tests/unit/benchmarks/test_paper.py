@@ -163,11 +163,13 @@ def test_the_mean_of_plants_counts_each_plant_once_however_many_seeds_it_has() -
             for seed, value in enumerate(values)
         ]
 
-    lines = plants_table(rows(hard=(1.0, 3.0), soft=(8.0,)), rows(soft=(4.0,), hard=(2.0,)))
+    lines = plants_table(
+        rows(hard=(1.0, 3.0), soft=(8.0,)), rows(soft=(4.0,), none=(90.0,), hard=(2.0,))
+    )
     assert [line.split(" | ")[:2] for line in lines[2:]] == [
         ["| hard", "2 ± 1.4 (2)"],
         ["| soft", "8 (4)"],
-        ["| mean of plants", "5 ± 4.2 (3 ± 1.4)"],
+        ["| mean", "5 ± 4.2 (3 ± 1.4)"],
     ]
     assert lines[2].endswith("| 0.2 ± 0.14 (0.2) |")
     diverged = plants_table(rows(hard=(1.0, np.nan)), rows(hard=(2.0,)))
