@@ -209,7 +209,7 @@ def _searched(
         if len(models) == 1 or heartbeat.stopped():
             break
         around = models[-1].fit.terms
-    return Searched(first, search, models, limits, settings.checks, heartbeat.stopped())
+    return Searched(first, search, models, limits, heartbeat.stopped())
 
 
 def _probes(robot: Robot) -> tuple[Candidate, ...]:
@@ -233,7 +233,7 @@ def _concluded(
     heartbeat: Heartbeat,
 ) -> Diagnosis:
     """Result of a search; only the most important parts if that was interrupted."""
-    search, limits, checks = searched.search, searched.limits, searched.checks
+    search, limits = searched.search, searched.limits
     kept_aside = HeldOut(under_test, held_out, search.fitter.windows)
     heartbeat.phase("judge")
     judged = judge_in_time(searched, kept_aside, under_test.seed, heartbeat)
@@ -254,7 +254,7 @@ def _concluded(
     rng = np.random.default_rng(under_test.seed)
     sure = partial(heartbeat.each, partial(effects_of, search), what=_sizes)
     rivals, forms = sure(parts=judged.rivals), sure(parts=judged.forms)
-    ranking = partial(detectable, fitter, judged.models[0], rng, checks)
+    ranking = partial(detectable, fitter, judged.models[0], rng)
     return Diagnosis(
         verdict=verdict_of(facts),
         answers=(facts.answer, *(asked_about(each) for each in rivals)),
@@ -270,7 +270,7 @@ def _concluded(
         misspecification=facts.law,
         other_form=other_form(limits, facts.law),
         evidence=Evidence.of(fitter, judged.models, judged.rivals),
-        location=localise(fitter, last.test, checks) if left else None,
+        location=localise(fitter, last.test) if left else None,
         discrepancy=heartbeat.in_time(law, None, "a learned law") if left else None,
         model=under_test.name,
         calibration=tuple(e for e in judged.effects if not e.term.asked and e not in built),
@@ -307,10 +307,9 @@ def _discrepancy(
     fitter: Fitter, last: ScoredModel, kept_aside: HeldOut, under_test: ModelUnderTest
 ) -> DiscrepancyModel:
     """A learned law on top of the last model, and its most similar effects."""
-    settings = under_test.settings.checks.discrepancy
-    fit = learned_law(fitter, last, under_test.seed, settings)
+    fit = learned_law(fitter, last, under_test.seed)
     return DiscrepancyModel(
         errors=errors(fitter, last.fit, fit),
         held_out=kept_aside.errors(fit.terms),
-        resembles=resemblances(fitter, fit, last.test, settings.shown),
+        resembles=resemblances(fitter, fit, last.test),
     )

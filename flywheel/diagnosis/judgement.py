@@ -27,7 +27,7 @@ from flywheel.diagnosis.selection.criterion import promised
 from flywheel.diagnosis.selection.misspecification import is_probe, misspecification, probed
 from flywheel.diagnosis.selection.score_test import Linearised, ScoredModel
 from flywheel.diagnosis.selection.search import Search, added
-from flywheel.diagnosis.settings import CheckSettings, Limits
+from flywheel.diagnosis.settings import Limits
 from flywheel.effects import PerPart, Term, at_same_size, taken_apart
 
 EXPLAINED = (Verdict.EFFECT, Verdict.PARTIAL)
@@ -43,7 +43,6 @@ class Searched:
       search: its state.
       models: of it, the first with the uncertain numbers.
       limits: in force.
-      checks: settings of the tests of the answer.
       stopped: it was stopped before it ended.
     """
 
@@ -51,7 +50,6 @@ class Searched:
     search: Search
     models: list[ScoredModel]
     limits: Limits
-    checks: CheckSettings
     stopped: bool = False
 
 
@@ -114,8 +112,7 @@ def judge(searched: Searched, models: list[ScoredModel], instead: Sequence[Fit] 
     """Result of models, with other models `instead` that have a law in place of an effect."""
     search, first, last = searched.search, models[0], models[-1]
     before, after = (
-        adequacy(search.fitter, each.fit, each.test, each.by_value, searched.checks)
-        for each in (first, last)
+        adequacy(search.fitter, each.fit, each.test, each.by_value) for each in (first, last)
     )
     effects = effects_of(search, last.fit, last.jacobian)
     answer = asked_about(effects) if len(models) > 1 else ()

@@ -287,20 +287,6 @@ class FittingSettings:
 
 
 @dataclass(frozen=True)
-class ScoreSettings:
-    """The score test.
-
-    Attributes:
-      large: change of some window by a typical size, above which a part of it is tried, too [sigma]: a
-        rolling robot soon rolls elsewhere.
-      part: of a typical size that is tried then.
-    """
-
-    large: float = 1.0
-    part: float = 0.1
-
-
-@dataclass(frozen=True)
 class SelectionSettings:
     """The stepwise search.
 
@@ -329,8 +315,6 @@ class SelectionSettings:
       by_chance: fraction of a fit's residual beyond noise that other initial states may explain as well.
       usually_off: standard deviations of a number of a robot as built, up to which an effect with the same
         change is no answer in addition to another one in place of these numbers.
-      unlikely: probability that right numbers of a robot as built explain so much; below it they are
-        doubted.
       as_built_shares: prior scales tried for a robot as built [-]; the most likely one is used.
       rival: fraction of an effect's LM statistic from which another is tried in its place.
       suspect_share: largest deviation of a number of the MJCF.
@@ -349,51 +333,9 @@ class SelectionSettings:
     least_share_of_last: float = 0.4
     by_chance: float = 0.1
     usually_off: float = 2.0
-    unlikely: float = 1e-3
     as_built_shares: tuple[float, ...] = (0.125, 0.25, 0.5, 1.0)
     rival: float = 0.8
     suspect_share: float = 0.25
-    score: ScoreSettings = ScoreSettings()
-
-
-@dataclass(frozen=True)
-class DiscrepancySettings:
-    """The training of a discrepancy model.
-
-    Attributes:
-      beginnings: number of hidden layers whose outputs are fitted for a round; the best continues.
-      rounds: of the best of them, at most.
-      patience: number of rounds with little gain before it is abandoned: the next one may gain much.
-      step: of a finite difference of an output, in typical sizes.
-      shown: number of similar effects that are reported.
-    """
-
-    beginnings: int = 2
-    rounds: int = 5
-    patience: int = 2
-    step: float = 0.05
-    shown: int = 3
-
-
-@dataclass(frozen=True)
-class CheckSettings:
-    """Tests of an answer.
-
-    Attributes:
-      rare: probability under noise of differences between windows that count as none.
-      least_told: smallest share of a window in the information on a size; below it a window is ignored.
-      shift: standard deviations by which the initial states are moved, to see how much of an effect is still
-        detected: a whole one leaves the valley of the cost in the presence of contacts.
-      pieces: of a window, for the localisation of a residual.
-      astray: ratio to the mean square of an unfitted start, above which a window's fit has not converged.
-    """
-
-    rare: float = 1e-3
-    least_told: float = 1e-3
-    shift: float = 0.5
-    pieces: int = 10
-    astray: float = 4.0
-    discrepancy: DiscrepancySettings = DiscrepancySettings()
 
 
 @dataclass(frozen=True)
@@ -439,7 +381,6 @@ class Settings:
     windows: WindowSettings = WindowSettings()
     fitting: FittingSettings = FittingSettings()
     selection: SelectionSettings = SelectionSettings()
-    checks: CheckSettings = CheckSettings()
     limits: Limits = Limits()
 
 

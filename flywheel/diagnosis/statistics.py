@@ -10,6 +10,7 @@ INTERVAL = 1.96  # standard deviations from the middle to either end of a 95 % i
 POWER = (
     1.645  # standard deviations that 95 of 100 draws exceed the mean minus, or stay below it plus
 )
+RARE = 1e-3  # probability under pure noise below which something is not noise
 EXTREMES = (
     1e-3,
     1e3,

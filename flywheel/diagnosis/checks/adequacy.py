@@ -9,8 +9,13 @@ from scipy.stats import chi2
 
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
 from flywheel.diagnosis.selection.score_test import ScoreTest
-from flywheel.diagnosis.settings import CheckSettings
+from flywheel.diagnosis.statistics import RARE
 from flywheel.records import Floats
+
+# Smallest share of a window in the information on a size, below which it is ignored.
+LEAST_TOLD = 1e-3
+# Ratio to the mean square of an unfitted start, above which a window's fit has not converged.
+ASTRAY = 4.0
 
 
 @dataclass(frozen=True)
@@ -74,20 +79,13 @@ def own_errors(fitter: Fitter, test: ScoreTest) -> OwnErrors | None:
     return OwnErrors(*np.quantile(found, quantile, axis=0).tolist())
 
 
-def adequacy(
-    fitter: Fitter,
-    fit: Fit,
-    test: ScoreTest,
-    by_value: Floats | None,
-    settings: CheckSettings = CheckSettings(),
-) -> Adequacy:
+def adequacy(fitter: Fitter, fit: Fit, test: ScoreTest, by_value: Floats | None) -> Adequacy:
     """Assess the residual of a fit; every window counts in full.
 
     Args:
       fitter, fit: the model.
       test: on top of it.
       by_value: (K, D, n) sensitivities to its fitted values; None without any.
-      settings: of the diagnosis.
     """
     windows = fitter.windows
     shape = windows.measured.shape
@@ -97,23 +95,20 @@ def adequacy(
         doubt=windows.doubt,
         loudest=loudest(test.left, windows.noisy_in_each, test.left_freedom),
         correlation=sample_correlation(test.left, shape),
-        inconstancy=_inconstancy(fit, test, by_value, settings),
+        inconstancy=_inconstancy(fit, test, by_value),
         beyond_noise=test.beyond_noise(fitter),
-        converged=mostly(~astray(fitter, fit, unfitted, settings)),
+        converged=mostly(~astray(fitter, fit, unfitted)),
     )
 
 
-def astray(
-    fitter: Fitter, fit: Fit, unfitted: Floats, settings: CheckSettings = CheckSettings()
-) -> np.ndarray:
+def astray(fitter: Fitter, fit: Fit, unfitted: Floats) -> np.ndarray:
     """(K,) bool: windows whose fits have not converged.
 
     Args:
       fitter, fit: the model.
       unfitted: (K,) mean squares of the same windows with unfitted starts; NaN where not known [sigma^2].
-      settings: tuned numbers.
     """
-    most = settings.astray * np.maximum(unfitted, 1.0)
+    most = ASTRAY * np.maximum(unfitted, 1.0)
     return np.asarray(fitter.mean_squares(fit) > most)
 
 
@@ -137,9 +132,7 @@ def sample_correlation(residual: Floats, shape: tuple[int, ...]) -> float:
     return float((in_time[:, 1:] * in_time[:, :-1]).sum() / max(power, 1e-300))
 
 
-def _inconstancy(
-    fit: Fit, test: ScoreTest, by_value: Floats | None, settings: CheckSettings
-) -> float:
+def _inconstancy(fit: Fit, test: ScoreTest, by_value: Floats | None) -> float:
     """Chow's test of each size: equality over all windows."""
     if by_value is None:
         return 0.0
@@ -148,22 +141,22 @@ def _inconstancy(
     for term in fit.terms:
         count = len(term.effect.sizes) if term.asked else 0
         for column in range(start, start + count):
-            worst = max(worst, _chow(test, by_value[..., column], settings))
+            worst = max(worst, _chow(test, by_value[..., column]))
         start += len(term.values)
     return worst
 
 
-def _chow(test: ScoreTest, column: Floats, settings: CheckSettings) -> float:
-    """Statistic of one size, whose sensitivities are (K, D), over its `rare` quantile (Chow 1960)."""
+def _chow(test: ScoreTest, column: Floats) -> float:
+    """Statistic of one size, whose sensitivities are (K, D), over its rare quantile (Chow 1960)."""
     projection = test.projection
     own = projection.without_local(column[..., None])[..., 0]  # (K, D + X)
     left = test.residual.reshape(own.shape)
     weight, right = (own**2).sum(axis=1), (own * left).sum(axis=1)
-    enough = weight > settings.least_told * weight.sum()
+    enough = weight > LEAST_TOLD * weight.sum()
     if enough.sum() < 2:
         return 0.0
     off = right[enough] / weight[enough]
     mean = (weight[enough] * off).sum() / weight[enough].sum()
     spread = (weight[enough] * (off - mean) ** 2).sum()
-    limit = chi2.ppf(1.0 - settings.rare, enough.sum() - 1)
+    limit = chi2.ppf(1.0 - RARE, enough.sum() - 1)
     return float(spread / limit / max(test.noise, 1.0))

@@ -12,27 +12,30 @@ from dataclasses import replace
 import numpy as np
 
 from flywheel.diagnosis.fitting.least_squares import Fitter
-from flywheel.diagnosis.selection.score_test import DEAD, Score, ScoredModel, secants, slices_of
-from flywheel.diagnosis.settings import CheckSettings
+from flywheel.diagnosis.selection.score_test import (
+    DEAD,
+    PART,
+    Score,
+    ScoredModel,
+    secants,
+    slices_of,
+)
 from flywheel.records import Floats
 
 LEAST = 1e-4  # share that counts as none
+# Standard deviations by which initial states are moved; a whole one leaves the valley of the cost.
+SHIFT = 0.5
 
 
-def detectable(
-    fitter: Fitter,
-    model: ScoredModel,
-    rng: np.random.Generator,
-    settings: CheckSettings = CheckSettings(),
-) -> tuple[Score, ...]:
+def detectable(fitter: Fitter, model: ScoredModel, rng: np.random.Generator) -> tuple[Score, ...]:
     """The scores of a model, with the smallest sizes that are visible around other initial states, too."""
     test, fit = model.test, model.fit
-    local = fit.local + settings.shift * _deviation(fitter, model, rng)
+    local = fit.local + SHIFT * _deviation(fitter, model, rng)
     there = fitter.with_local(fit, local)
     own = [test.slices[test.candidates.index(s.candidate)][s.shape] for s in model.scores]
     shorter = np.array([test.shorter[columns].all() for columns in own])
     smallest = np.array([score.smallest for score in model.scores])
-    for part, chosen in ((1.0, np.flatnonzero(~shorter)), (test.part, np.flatnonzero(shorter))):
+    for part, chosen in ((1.0, np.flatnonzero(~shorter)), (PART, np.flatnonzero(shorter))):
         scores = [model.scores[i] for i in chosen]
         shaped = [replace(s.candidate, shapes=(s.candidate.shapes[s.shape],)) for s in scores]
         columns = test.projection(secants(fitter, there, shaped, part))

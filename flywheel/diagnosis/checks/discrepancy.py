@@ -21,12 +21,16 @@ from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
 from flywheel.diagnosis.fitting.parameters import FreeParameter
 from flywheel.diagnosis.selection.misspecification import is_probe
 from flywheel.diagnosis.selection.score_test import ScoredModel, ScoreTest
-from flywheel.diagnosis.settings import DiscrepancySettings
 from flywheel.effects import Cables, Parameter, TensionEffect, Term, Terms
 from flywheel.effects.effect import Memory, Values
 from flywheel.records import Floats
 
 UNITS = 32  # hidden units
+BEGINNINGS = 2  # hidden layers whose outputs are fitted for a round; the best continues
+ROUNDS = 5  # of the best of them, at most
+PATIENCE = 2  # rounds with little gain before it is abandoned: the next one may gain much
+STEP = 0.05  # of a finite difference of an output, in typical sizes
+SHOWN = 3  # similar effects that are reported
 STRAIN, FAST = 0.05, 10.0  # of a cable whose inputs are one; speed in those that count as still
 
 
@@ -101,44 +105,35 @@ class DiscrepancyModel:
         }
 
 
-def learned_law(
-    fitter: Fitter,
-    model: ScoredModel,
-    seed: int = 0,
-    settings: DiscrepancySettings = DiscrepancySettings(),
-) -> Fit:
+def learned_law(fitter: Fitter, model: ScoredModel, seed: int = 0) -> Fit:
     """Fit a law on top of a model; it is the last term of the returned fit.
 
     Args:
       fitter: of the windows.
       model: so far, with the test of the library on top of it.
       seed: of the hidden layer.
-      settings: of the diagnosis.
     """
-    begun = _begun(fitter, model.fit, np.random.default_rng(seed), settings.beginnings)
-    free = _free(fitter, begun[0].terms, settings.step)
+    begun = _begun(fitter, model.fit, np.random.default_rng(seed))
+    free = _free(fitter, begun[0].terms)
     worthwhile = fitter.worthwhile(model.fit)
     # From each a step down may be found or not, whatever the Jacobian promises: it must be tried.
     tried = [fitter.fit(fit, free, rounds=1) for fit in begun]
     trained = min(tried, key=lambda fit: fit.cost)
     fruitless = 0
-    for _ in range(settings.rounds):
+    for _ in range(ROUNDS):
         before, trained = trained, fitter.fit(trained, free, rounds=1)
         fruitless = fruitless + 1 if before.cost - trained.cost <= worthwhile else 0
-        if trained.converged or fruitless == settings.patience:
+        if trained.converged or fruitless == PATIENCE:
             break
     return trained
 
 
-def resemblances(
-    fitter: Fitter, trained: Fit, test: ScoreTest, shown: int
-) -> tuple[Resemblance, ...]:
+def resemblances(fitter: Fitter, trained: Fit, test: ScoreTest) -> tuple[Resemblance, ...]:
     """The effects of the library most similar to the last term of a fit.
 
     Args:
       fitter, trained: the model with the law.
       test: of the library on top of the model without it.
-      shown: number of effects.
     """
     without = fitter.columns(trained, [trained.terms[:-1]])  # (K, D, 1)
     change = test.projection(without)[:, 0]
@@ -155,23 +150,23 @@ def resemblances(
         share = best / max(squares, 1e-300)
         found.append(Resemblance(candidate.effect.name, candidate.location, share))
     found.sort(key=lambda each: -each.share)
-    return tuple(found[:shown])
+    return tuple(found[:SHOWN])
 
 
-def _begun(fitter: Fitter, fit: Fit, rng: np.random.Generator, count: int) -> list[Fit]:
+def _begun(fitter: Fitter, fit: Fit, rng: np.random.Generator) -> list[Fit]:
     """A fit with laws of random features and zero outputs."""
     known = tuple(size.typical(fitter.scales) for size in LearnedTension.sizes)
     found = []
-    for _ in range(count):
+    for _ in range(BEGINNINGS):
         law = LearnedTension(rng.normal(size=(4, UNITS)))
         term = Term(law, None, (0.0,) * UNITS, known)
         found.append(fitter.with_terms(fit, (*fit.terms, term)))
     return found
 
 
-def _free(fitter: Fitter, terms: Terms, step: float) -> list[FreeParameter]:
-    """The values of terms, the last of which is a law with its own `step`."""
+def _free(fitter: Fitter, terms: Terms) -> list[FreeParameter]:
+    """The values of terms, the last of which is a law with its own step."""
     law = len(terms) - 1
     return [
-        replace(value, step=step) if value.term == law else value for value in fitter.free(terms)
+        replace(value, step=STEP) if value.term == law else value for value in fitter.free(terms)
     ]

@@ -14,8 +14,9 @@ import numpy as np
 
 from flywheel.diagnosis.fitting.least_squares import Fitter
 from flywheel.diagnosis.selection.score_test import ScoreTest
-from flywheel.diagnosis.settings import CheckSettings
 from flywheel.records import Floats
+
+PIECES = 10  # of a window
 
 
 @dataclass(frozen=True)
@@ -49,14 +50,12 @@ class Location:
         }
 
 
-def localise(
-    fitter: Fitter, test: ScoreTest, settings: CheckSettings = CheckSettings()
-) -> Location:
+def localise(fitter: Fitter, test: ScoreTest) -> Location:
     """Locate the residual of a test's model."""
     windows, robot = fitter.windows, fitter.windows.robot
     cables = _explained(fitter, test)
     in_noise = (windows.sigma / windows.noise) ** 2
-    pieces = in_noise * _pieces(fitter, test, settings.pieces)  # (K, pieces, P)
+    pieces = in_noise * _pieces(fitter, test)  # (K, pieces, P)
     over_points = pieces.mean(axis=2)
     window, piece = (int(i) for i in np.unravel_index(over_points.argmax(), over_points.shape))
     first, last = _run(over_points[window], piece)
@@ -91,12 +90,12 @@ def _explained(fitter: Fitter, test: ScoreTest) -> Floats:
     return found
 
 
-def _pieces(fitter: Fitter, test: ScoreTest, count: int) -> Floats:
+def _pieces(fitter: Fitter, test: ScoreTest) -> Floats:
     """(K, pieces, P) mean square of the residual, over time, of each tracked point."""
     windows, shape = fitter.windows, fitter.windows.measured.shape
     left = test.left.reshape(shape[0], -1)[:, : int(np.prod(shape[1:]))]
     squares, noisy = windows.squares(left).reshape(shape), windows.noisy
-    parts = np.array_split(np.arange(shape[1]), min(count, shape[1]))
+    parts = np.array_split(np.arange(shape[1]), min(PIECES, shape[1]))
     means = [
         squares[:, part].sum(axis=(1, 3)) / np.maximum(noisy[:, part].sum(axis=(1, 3)), 1)
         for part in parts

@@ -86,13 +86,13 @@ def fitted_starts(
 
     fitter, fit = fitted_in(cut.apart() if known else cut)
     unfitted = _mean_squares(cut, np.array(used), windows, squares)
-    stuck = astray(fitter, fit, unfitted, settings.checks)
+    stuck = astray(fitter, fit, unfitted)
     if stuck.any() and not stuck.all():
         fitter, fit = fitted_in(fitter.windows.without(stuck))
     some, limits = candidates(plant.robot, {ANY: EFFECTS[ANY]}), settings.limits
     search = Search(fitter, some, limits.threshold, settings.selection, seed=seed)
     model = search.score_all(fit)
-    left = adequacy(fitter, fit, model.test, model.by_value, settings.checks)
+    left = adequacy(fitter, fit, model.test, model.by_value)
     only = only_noise(replace(limits, max_residual_variance=LOUD), left)
     return FittedStarts(
         rms=fitter.rms(fit),

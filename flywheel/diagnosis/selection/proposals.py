@@ -54,7 +54,7 @@ def promising_forms(search: Search, model: ScoredModel) -> list[Score]:
     found = [each for each in forms if each.candidate.effect.family in asked]
     if least < model.beyond_noise:
         alone = at_parts(search.fitter.windows.robot, search.library)
-        found += further_scores(search.fitter, model.fit, model.test, alone, settings.score)
+        found += further_scores(search.fitter, model.fit, model.test, alone)
     promising = [each for each in found if each.statistic > least]
     return sorted(promising, key=lambda each: -each.statistic)[: settings.per_family]
 

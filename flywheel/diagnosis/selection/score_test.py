@@ -15,12 +15,15 @@ import numpy as np
 
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter, Jacobian, local_bases
 from flywheel.diagnosis.selection.candidates import Candidate
-from flywheel.diagnosis.settings import Limits, ScoreSettings
+from flywheel.diagnosis.settings import Limits
 from flywheel.diagnosis.statistics import POWER, chance
 from flywheel.effects import Term
 from flywheel.records import Floats
 
 DEAD = 1e-6  # a sensitivity below this many sigmas means that the knob is not connected
+# Change of some window by a typical size [sigma], above which this part of it is tried, too: a rolling robot
+# soon rolls elsewhere.
+LARGE, PART = 1.0, 0.1
 
 
 @dataclass(frozen=True)
@@ -180,8 +183,7 @@ class ScoreTest:
       candidates: tested ones.
       residual: (N,).
       columns: (N, n) of every size of every shape of every candidate, in `unit_terms` order.
-      shorter: (n,) bool, True for changes by a part of a typical size.
-      part: of a typical size in these secants.
+      shorter: (n,) bool, True for changes by `PART` of a typical size.
       slices: candidate -> shape -> its columns.
       noise: variance of the residual per degree of freedom.
       freedom: degrees of freedom of the residual.
@@ -196,7 +198,6 @@ class ScoreTest:
     residual: Floats
     columns: Floats
     shorter: np.ndarray
-    part: float
     slices: tuple[tuple[slice, ...], ...]
     noise: float
     freedom: float
@@ -348,7 +349,6 @@ def sensitivities(
     library: Sequence[Candidate],
     projection: Projection,
     residual: Floats,
-    settings: ScoreSettings = ScoreSettings(),
 ) -> tuple[Floats, np.ndarray]:
     """(N, n) with every size of every shape, projected: of two secants the one that promises more.
 
@@ -357,13 +357,11 @@ def sensitivities(
     raw, slices = secants(fitter, fit, library), slices_of(library)
     change = np.sqrt(fitter.windows.mean_square(raw)).max(axis=0)
     found, taken = projection(raw), np.zeros(raw.shape[2], bool)
-    large = [
-        i for i, own in enumerate(slices) if any(change[s].max() > settings.large for s in own)
-    ]
+    large = [i for i, own in enumerate(slices) if any(change[s].max() > LARGE for s in own)]
     if not large:
         return found, taken
     again = [library[i] for i in large]
-    shorter = projection(secants(fitter, fit, again, settings.part))
+    shorter = projection(secants(fitter, fit, again, PART))
     for candidate, whole, part in zip(
         again, (slices[i] for i in large), slices_of(again), strict=True
     ):
@@ -386,7 +384,6 @@ def score_test(
     library: Sequence[Candidate],
     known: Floats | None = None,
     jacobian: Jacobian | None = None,
-    settings: ScoreSettings = ScoreSettings(),
     prior: Sequence[Prior] = (),
     threshold: float = Limits().threshold,
 ) -> ScoreTest:
@@ -397,7 +394,6 @@ def score_test(
       library: candidates.
       known: (K, D, n) sensitivities of fitted sizes, to be projected out.
       jacobian: of the fit, if available.
-      settings: of the diagnosis.
       prior: of the last of the `known` sizes.
       threshold: score from which an effect counts as visible.
     """
@@ -422,13 +418,12 @@ def score_test(
     residual = projection(off[..., None])[:, 0]
     freedom = fitter.freedom - float((projection.shares == 1.0).sum())
     noise = float(residual @ residual) / max(freedom, 1.0)
-    columns, shorter = sensitivities(fitter, fit, library, projection, residual, settings)
+    columns, shorter = sensitivities(fitter, fit, library, projection, residual)
     return ScoreTest(
         candidates=tuple(library),
         residual=residual,
         columns=columns,
         shorter=shorter,
-        part=settings.part,
         slices=slices_of(library),
         noise=noise,
         freedom=freedom,
@@ -441,15 +436,10 @@ def score_test(
 
 
 def further_scores(
-    fitter: Fitter,
-    fit: Fit,
-    test: ScoreTest,
-    library: Sequence[Candidate],
-    settings: ScoreSettings = ScoreSettings(),
+    fitter: Fitter, fit: Fit, test: ScoreTest, library: Sequence[Candidate]
 ) -> list[Score]:
     """Scores of other candidates on top of the fit of a test, in order."""
-    found = sensitivities(fitter, fit, library, test.projection, test.residual, settings)
-    columns, shorter = found
+    columns, shorter = sensitivities(fitter, fit, library, test.projection, test.residual)
     other = replace(
         test, candidates=tuple(library), columns=columns, shorter=shorter, slices=slices_of(library)
     )

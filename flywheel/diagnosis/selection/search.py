@@ -73,8 +73,8 @@ class Search:
         known = numerics if by_value is None else np.concatenate([numerics, by_value], axis=2)
         everything = (*self.library, *self.probes)
         prior = [Prior(f.value(fit.terms), f.prior) for f in fitter.free(fit.terms)]
-        settings, jacobian = self.settings.score, model.jacobian
-        test = score_test(fitter, fit, everything, known, jacobian, settings, prior, self.threshold)
+        jacobian = model.jacobian
+        test = score_test(fitter, fit, everything, known, jacobian, prior, self.threshold)
         self.heartbeat(f"scored {len(self.library)} candidates on top of {len(fit.terms)} effects")
         return self.ranked(ScoredModel(fit, jacobian, by_value, test, (), ()))
 

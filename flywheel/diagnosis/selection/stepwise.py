@@ -19,6 +19,7 @@ from flywheel.diagnosis.selection.other_forms import in_other_forms, promised_pe
 from flywheel.diagnosis.selection.proposals import proposals
 from flywheel.diagnosis.selection.score_test import ScoredModel
 from flywheel.diagnosis.selection.search import Search, added
+from flywheel.diagnosis.statistics import RARE
 from flywheel.effects import Terms, usual
 
 SAME = 1e-9  # relative difference of the costs of two models that predict the same
@@ -199,7 +200,7 @@ def _numbers_are_needed(search: Search, alone: Sequence[ScoredModel], last: Scor
     if len(found) > 1 and any(usual(term, search.as_built, off) for term in found):
         return True
     numbers = sum(len(term.values) for term in search.as_built)
-    least = float(chi2.isf(search.settings.unlikely, numbers))
+    least = float(chi2.isf(RARE, numbers))
     return alone[-1].fit.cost - last.fit.cost > least
 
 

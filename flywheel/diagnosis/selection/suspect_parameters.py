@@ -164,4 +164,4 @@ def _scores(search: Search, model: ScoredModel, also_candidates: bool = False) -
     fit = fitter.with_terms(
         model.fit, model.fit.terms
     )  # in the time steps that the fitter has by now
-    return further_scores(fitter, fit, model.test, numbers, search.settings.score)
+    return further_scores(fitter, fit, model.test, numbers)

@@ -174,11 +174,13 @@ def test_numbers_explain_no_robot_that_one_law_explains_as_well(begun, outside):
 
 
 @pytest.mark.parametrize(("unlikely", "needed"), [(1e-3, False), (0.5, True)])
-def test_numbers_are_doubted_that_explain_less_than_noise_seldom_does(begun, unlikely, needed):
+def test_numbers_are_doubted_that_explain_less_than_noise_seldom_does(
+    begun, unlikely, needed, monkeypatch
+):
     """As much as the median of chi-square with so many degrees of freedom, and a little more."""
     search, model = begun
     more = 1.05 * sum(len(term.values) for term in search.as_built)
-    search = replace(search, settings=replace(search.settings, unlikely=unlikely))
+    monkeypatch.setattr("flywheel.diagnosis.selection.stepwise.RARE", unlikely)
     assert alone_beside((search, model), 0.01, (), more) == needed
 
 

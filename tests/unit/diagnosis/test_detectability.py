@@ -9,7 +9,6 @@ from flywheel.diagnosis.fitting.plant_fit import PlantFitter
 from flywheel.diagnosis.selection.candidates import candidates
 from flywheel.diagnosis.selection.score_test import ScoredModel
 from flywheel.diagnosis.selection.search import Search
-from flywheel.diagnosis.settings import CheckSettings
 from flywheel.effects import EFFECTS
 from flywheel.robots import Robot
 from tests import draws
@@ -51,8 +50,11 @@ def test_nothing_smaller_is_shown_than_around_the_fitted_initial_states(fitter, 
     assert found[gain].smallest < 1.5 * model.scores[gain].smallest, seed
 
 
-def test_where_initial_states_are_known_exactly_all_of_it_is_detectable(fitter, model, seed):
-    found = detectable(fitter, model, np.random.default_rng(seed), CheckSettings(shift=0.0))
+def test_where_initial_states_are_known_exactly_all_of_it_is_detectable(
+    fitter, model, seed, monkeypatch
+):
+    monkeypatch.setattr("flywheel.diagnosis.checks.detectability.SHIFT", 0.0)
+    found = detectable(fitter, model, np.random.default_rng(seed))
     np.testing.assert_allclose(
         [f.smallest for f in found], [s.smallest for s in model.scores], rtol=1e-6
     )

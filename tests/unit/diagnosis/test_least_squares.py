@@ -12,7 +12,7 @@ from flywheel.diagnosis.fitting.plant_fit import PlantFitter
 from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.diagnosis.selection.candidates import Candidate, candidates
 from flywheel.diagnosis.selection.score_test import Projection, score_test
-from flywheel.diagnosis.settings import LeastSquaresSettings, ScoreSettings
+from flywheel.diagnosis.settings import LeastSquaresSettings
 from flywheel.dynamics.plant import Plant, between, moved
 from flywheel.effects import EFFECTS, Term
 from flywheel.robots import Robot
@@ -225,14 +225,16 @@ def test_a_planted_sensitivity_is_found_with_its_size(fitter, fit, library, seed
 
 
 @pytest.mark.slow
-def test_of_two_secants_the_one_that_promises_more_counts(fitter, fit, library, seed):
+def test_of_two_secants_the_one_that_promises_more_counts(fitter, fit, library, seed, monkeypatch):
     """Of all effects here, however little they move; one of them goes the way of its shorter secant."""
     chosen = library[seed % len(library)]
     (column,) = np.moveaxis(fitter.columns(fit, [(*fit.terms, chosen.unit_terms(0.1)[0])]), 2, 0)
     off = replace(fit, residual=40.0 * column / np.linalg.norm(column))  # forty sigmas
 
     def statistics(large: float, part: float) -> list[float]:
-        test = score_test(fitter, off, library, settings=ScoreSettings(large, part))
+        monkeypatch.setattr("flywheel.diagnosis.selection.score_test.LARGE", large)
+        monkeypatch.setattr("flywheel.diagnosis.selection.score_test.PART", part)
+        test = score_test(fitter, off, library)
         return [score.statistic for score in test.scores()]
 
     whole, both, same = statistics(np.inf, 0.1), statistics(0.0, 0.1), statistics(0.0, 1.0)

@@ -12,6 +12,8 @@ from flywheel.diagnosis.fitting.least_squares import Fit, Fitter, Jacobian
 from flywheel.diagnosis.fitting.windows import Recording, Windows
 from flywheel.diagnosis.selection.candidates import Candidate, candidates
 from flywheel.diagnosis.selection.score_test import (
+    LARGE,
+    PART,
     Prior,
     Projection,
     ScoredModel,
@@ -20,7 +22,7 @@ from flywheel.diagnosis.selection.score_test import (
     smallest_shown,
 )
 from flywheel.diagnosis.selection.search import Search
-from flywheel.diagnosis.settings import CheckSettings, Limits, ScoreSettings
+from flywheel.diagnosis.settings import Limits
 from flywheel.diagnosis.statistics import chance
 from flywheel.effects import EFFECTS, Terms
 from flywheel.records import Floats
@@ -31,7 +33,6 @@ WINDOWS, STEPS, POINTS, LOCAL, WINCHES = 5, 4, 3, 2, 2
 COORDINATES = (STEPS + 1) * POINTS * 3
 CRITICAL = Limits().threshold
 PRIOR, SIGMA = np.array([0.5, 2.0]), 0.01
-SCORE = ScoreSettings()
 
 
 @dataclass
@@ -507,11 +508,11 @@ def test_the_shorter_secant_counts_where_it_promises_more_and_the_whole_one_is_l
     bent = next(i for i, c in enumerate(case.library) if c.effect.name == name)
     bend = -0.9 * case.column(bent) + case.column(3)
     raw = case.column(bent) + bend
-    scale = factor * SCORE.large / np.sqrt(case.model.windows.mean_square(raw)).max()
+    scale = factor * LARGE / np.sqrt(case.model.windows.mean_square(raw)).max()
     effects = {key: scale * column * 1e-3 for key, column in case.model.by_effect.items()}
     effects[name, 0, ()] = scale * case.column(bent)
     model = replace(case.model, by_effect=effects, bent=name, bend=scale * bend)
-    part = effects[name, 0, ()] + SCORE.part * model.bend
+    part = effects[name, 0, ()] + PART * model.bend
     off = part / np.sqrt(model.windows.mean_square(part))[:, None]
     test = replace(case, model=model, fit=replace(case.fit, residual=off)).test()
     (own,) = test.slices[bent]
@@ -535,7 +536,7 @@ def test_a_window_that_tells_nothing_of_a_size_says_nothing_of_its_constancy(
     winch_gain = next(c for c in case.library if c.effect.name == "winch_gain")
     fit = replace(case.fit, residual=residual, terms=(winch_gain.term((1.0,)),))
     test = replace(case, fit=fit).test()
-    settings = CheckSettings(least_told=least_told)
+    monkeypatch.setattr("flywheel.diagnosis.checks.adequacy.LEAST_TOLD", least_told)
     monkeypatch.setattr(case.model, "first_estimate", lambda terms: fit)
-    left = adequacy(case.model, fit, test, column[..., None], settings)
+    left = adequacy(case.model, fit, test, column[..., None])
     assert (left.inconstancy < 1.0) == same

@@ -30,7 +30,7 @@ def test_each_number_is_listed_with_what_its_docstring_says() -> None:
     assert said["windows.remnant"] == (
         "fraction of that length below which a recording gives no window if others do."
     )
-    assert said["checks.discrepancy.step"].startswith("of a finite difference of an output")
+    assert said["fitting.refinement.tolerated"].startswith("root mean square change of a window")
 
 
 def test_a_number_is_changed_and_all_others_stay() -> None:

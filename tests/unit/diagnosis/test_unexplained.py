@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from flywheel.diagnosis import Limits, Verdict, diagnose
+from flywheel.diagnosis.checks import discrepancy
 from flywheel.diagnosis.checks.discrepancy import learned_law, resemblances
 from flywheel.diagnosis.checks.localisation import localise
 from flywheel.diagnosis.fitting.least_squares import Fit
@@ -15,7 +16,6 @@ from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.diagnosis.selection.candidates import candidates
 from flywheel.diagnosis.selection.search import Search
 from flywheel.diagnosis.settings import (
-    DiscrepancySettings,
     FitStoppingSettings,
     FittingSettings,
 )
@@ -62,7 +62,7 @@ def test_a_learned_law_comes_near_the_true_one(robot: Robot, seed: int) -> None:
         true = fitter.fit(fitter.at(fit.local, fit.initial.winch, HIDDEN))
         learned_falls.append(fit.cost - learned.cost)
         true_falls.append(fit.cost - true.cost)
-        likest = resemblances(fitter, learned, model.test, shown=3)
+        likest = resemblances(fitter, learned, model.test)
         shares = [resemblance.share for resemblance in likest]
         assert shares == sorted(shares, reverse=True), each
         assert all(0.0 <= share <= 1.0 + 1e-9 for share in shares), each
@@ -77,15 +77,14 @@ def test_a_law_is_trained_only_while_that_explains_something(robot, seed, monkey
     rounds: list[int] = []
     fit = PlantFitter.fit
     monkeypatch.setattr(PlantFitter, "fit", lambda *a, **k: rounds.append(1) or fit(*a, **k))
-    settings = DiscrepancySettings()
     trained: dict[float, tuple[int, Fit]] = {}
     for worth in (0.0, 0.01, 10.0):
         rounds.clear()
         stopping = FitStoppingSettings(min_relative_gain=worth)
         asking = PlantFitter(fitter.simulator, fitter.first, FittingSettings(stopping=stopping))
-        learned = learned_law(asking, model, seed, settings)
-        trained[worth] = len(rounds) - settings.beginnings, learned
-    for worth, most in ((10.0, settings.patience), (0.0, settings.rounds)):
+        learned = learned_law(asking, model, seed)
+        trained[worth] = len(rounds) - discrepancy.BEGINNINGS, learned
+    for worth, most in ((10.0, discrepancy.PATIENCE), (0.0, discrepancy.ROUNDS)):
         number, ended = trained[worth]
         assert number == most or (number < most and ended.converged), (seed, worth, number)
     assert trained[10.0][0] <= trained[0.01][0] <= trained[0.0][0]
