@@ -321,7 +321,7 @@ def effects_of(search: Search, fit: Fit, jacobian: Jacobian | None = None) -> Al
     fitter = search.fitter
     known_to = 0.0 if fit.kept is None else search.threshold  # see `Search.settled`
     sure = uncertainty(fitter, fit, jacobian, known_to)
-    robot, believed = fitter.windows.robot, fitter.settings.jacobian.believed
+    robot, believed = fitter.windows.robot, fitter.settings.believed
     effects, start = [], 0
     for term in taken_apart(fit.terms):
         here = slice(start, start + len(term.values))

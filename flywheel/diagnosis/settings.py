@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
-from math import inf
 from typing import Any, TypeVar
 
 from flywheel.errors import ConfigError
@@ -64,53 +63,6 @@ class InitialStateSettings:
 
 
 @dataclass(frozen=True)
-class JacobianSettings:
-    """Finite differences.
-
-    Attributes:
-      steps: of an initial state, in natural units: the first for accurate differences, all in turn for rough
-        ones: contacts make every one of them blind somewhere.
-      winch_step: of a winch's offset, in lengths of the robot.
-      parameter_step: of a value of an effect, in typical sizes: a secant, not a derivative, because friction
-        and play have none at zero.
-      believed: largest allowed deviation from a prior, in standard deviations.
-    """
-
-    steps: tuple[float, ...] = (2e-3, 8e-3, 5e-4)
-    winch_step: float = 1e-3
-    parameter_step: float = 0.25
-    believed: float = 3.0
-
-
-@dataclass(frozen=True)
-class LeastSquaresSettings:
-    """Levenberg-Marquardt.
-
-    Attributes:
-      shared_damping: of the shared parameters' step, tried one after the other; infinite for no step.
-      least_damping, first_damping, most_damping: of a window's own step.
-      max_damping_with_new_jacobian: of a window's own step.
-      damping_multipliers: on the best damping of a window's last step, all of which are tried.
-      steps: with one Jacobian.
-      reuse_sensitivities_from: number of shared parameters from which they are many: their sensitivities,
-        too, are kept for all these steps, because their simulation dominates the cost then, and the best of
-        the dampings is used.
-      prediction_error_tolerance: error of a window's predicted change, relative to the change, above which
-        its Jacobian is stale; and square of an always negligible error [sigma^2].
-    """
-
-    shared_damping: tuple[float, ...] = (0.0, 0.3, 10.0, inf)
-    least_damping: float = 1e-4
-    first_damping: float = 0.1
-    most_damping: float = 1e4
-    max_damping_with_new_jacobian: float = 1.0
-    damping_multipliers: tuple[float, ...] = (0.3, 3.0)
-    steps: int = 3
-    reuse_sensitivities_from: int = 12
-    prediction_error_tolerance: float = 0.3
-
-
-@dataclass(frozen=True)
 class FitStoppingSettings:
     """Stopping rules of a fit. `SelectionSettings` has the limits of the search.
 
@@ -149,60 +101,6 @@ class RefinementSettings:
 
     tolerated: float = 0.3
     tolerated_by_nothing: float = 0.05
-
-
-@dataclass(frozen=True)
-class MultistartSettings:
-    """Multistart: other initial states for windows that are stuck in a local minimum.
-
-    Attributes:
-      stuck: mean square of a window, over the usual one, from which it may be stuck.
-      rotations: number of random ones of the bodies about invisible axes, tried for each such window.
-      rotation_sigma: their standard deviation [rad].
-      damping: of a step in the search, all of which are tried.
-      finalists: initial states of each window that continue after the rounds `before`, and starts of a fit
-        that are fitted for more than a round.
-      eased: fraction of a window's excess that must disappear with another state if its state is to blame.
-      before, after: rounds of a fit before windows start elsewhere, and after; of the other initial states,
-        before all but the `finalists` of a window are given up, and after; of starts around a result, and
-        largest number of times that these are fitted.
-      going: fraction of the cost that the last round must remove for a fit to continue: stiff cables make it
-        so rough that it is far from its end after the usual rounds.
-      longest: largest number of further rounds of such a fit.
-    """
-
-    stuck: float = 1.3
-    rotations: int = 4
-    rotation_sigma: float = 0.4
-    damping: tuple[float, ...] = (1e-4, 1e-2, 0.1, 1.0, 10.0)
-    finalists: int = 2
-    eased: float = 0.2
-    before: int = 2
-    after: int = 4
-    going: float = 0.1
-    longest: int = 20
-
-
-@dataclass(frozen=True)
-class NuisanceSettings:
-    """Nuisance parameters: uncertain numbers of the MJCF.
-
-    Attributes:
-      far_off: residual/noise ratio above which no other starts are tried: they are not the fault.
-      shakes: number of fits of a robot as built started around the result.
-      shake: standard deviation of these moves, relative to the priors: just enough to move a fit off the
-        edges that contacts make in its cost.
-      most_by_shaking: largest decrease of the cost by such moves [sigma^2]: 100 to 170 were seen, and a fit
-        that is farther from its target is not moved.
-      least_shown: change of the recordings by a number's whole prior, beside initial states, below which its
-        sensitivities are not computed again: it cannot explain more than noise [sigma].
-    """
-
-    far_off: float = 2.0
-    shakes: int = 3
-    shake: float = 0.1
-    most_by_shaking: float = 500.0
-    least_shown: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -272,15 +170,16 @@ class ModelDiscrepancySettings:
 
 @dataclass(frozen=True)
 class FittingSettings:
-    """Settings of one fit."""
+    """Settings of one fit.
 
+    Attributes:
+      believed: largest allowed deviation from a prior, in standard deviations.
+    """
+
+    believed: float = 3.0
     initial_states: InitialStateSettings = InitialStateSettings()
-    jacobian: JacobianSettings = JacobianSettings()
-    least_squares: LeastSquaresSettings = LeastSquaresSettings()
     stopping: FitStoppingSettings = FitStoppingSettings()
     refinement: RefinementSettings = RefinementSettings()
-    multistart: MultistartSettings = MultistartSettings()
-    nuisance: NuisanceSettings = NuisanceSettings()
     as_built: AsBuiltSettings = AsBuiltSettings()
     network: NetworkSettings = NetworkSettings()
     discrepancy: ModelDiscrepancySettings = ModelDiscrepancySettings()

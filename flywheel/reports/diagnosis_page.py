@@ -272,7 +272,7 @@ def held_back(found: Diagnosis) -> str:
     names = ", ".join(each.effect for each in found.calibration if each.held_back)
     if not names:
         return ""
-    believed = found.settings.fitting.jacobian.believed
+    believed = found.settings.fitting.believed
     return (
         f"These recordings require more of {names} than is allowed ({believed:g} of the given "
         "standard deviations). Give a larger standard deviation, or look for something else that "

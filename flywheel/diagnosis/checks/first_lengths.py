@@ -54,7 +54,7 @@ def far_first_lengths(plant: Plant, fitter: Fitter, fit: Fit) -> tuple[FirstLeng
       fitter, fit: the model.
     """
     windows, robot = fitter.windows, fitter.windows.robot
-    most = fitter.settings.jacobian.believed * fitter.winch_prior
+    most = fitter.settings.believed * fitter.winch_prior
     far = np.argwhere(np.abs(fit.initial.winch) > most)
     if not len(far) or robot.tension_driven:
         return ()

@@ -10,7 +10,7 @@ import numpy as np
 
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
 from flywheel.diagnosis.fitting.model import ModelUnderTest, fitted_and_refined
-from flywheel.diagnosis.fitting.multistart import restarted_where_loud
+from flywheel.diagnosis.fitting.multistart import AFTER, restarted_where_loud
 from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.diagnosis.selection.candidates import places
 from flywheel.effects import Terms
@@ -111,8 +111,7 @@ class HeldOut:
         fits = self._last if self._plant else None
         if fits and before.terms != fits[2].terms and places(fits[2].terms) < places(terms):
             fitter, _, fit = fits
-            rounds = fitter.settings.multistart.after
-            return fitter, fitter.fit(fitter.with_terms(fit, terms), rounds=rounds)
+            return fitter, fitter.fit(fitter.with_terms(fit, terms), rounds=AFTER)
         begun = fitter.warm_start(before, terms)
         fitter, fit = fitted_and_refined(fitter, begun, self._under_test.seed)
         return fitter, self._begun_elsewhere(fitter, fit)
@@ -120,8 +119,7 @@ class HeldOut:
     def _begun_elsewhere(self, fitter: Fitter, fit: Fit) -> Fit:
         """A fit whose windows with large residuals start elsewhere, if that helps."""
         begun = restarted_where_loud(fitter, fit, self._under_test.seed)
-        rounds = fitter.settings.multistart.after
-        return fit if begun is fit else fitter.fit(begun, rounds=rounds)
+        return fit if begun is fit else fitter.fit(begun, rounds=AFTER)
 
 
 def beyond_noise(fitter: Fitter, squares: Floats) -> Floats:

@@ -8,8 +8,12 @@ import numpy as np
 
 from flywheel.diagnosis.fitting.least_squares import Fit, Jacobian
 from flywheel.diagnosis.fitting.simulation import WindowSimulator
-from flywheel.diagnosis.settings import JacobianSettings
 from flywheel.records import Floats, State
+
+# Steps of an initial state, in natural units: the first for accurate differences, all in turn for rough ones:
+# contacts make every one of them blind somewhere.
+STEPS = (2e-3, 8e-3, 5e-4)
+WINCH_STEP = 1e-3  # of a winch's offset, in lengths of the robot
 
 
 class FiniteDifferences:
@@ -23,18 +27,15 @@ class FiniteDifferences:
     Args:
       simulator: of the windows.
       first: (K,) reference initial states of the local parameters.
-      settings: steps of the differences.
     """
 
-    def __init__(
-        self, simulator: WindowSimulator, first: State, settings: JacobianSettings
-    ) -> None:
-        self._simulator, self._first, self._settings = simulator, first, settings
+    def __init__(self, simulator: WindowSimulator, first: State) -> None:
+        self._simulator, self._first = simulator, first
         self._hasty = simulator.hasty()
 
     def precise(self, fit: Fit, members: np.ndarray) -> Jacobian:
         """The Jacobian of windows `members` (n,) around a fit."""
-        simulator, local, step = self._simulator, fit.local[members], self._settings.steps[0]
+        simulator, local, step = self._simulator, fit.local[members], STEPS[0]
         ahead, behind = (self._aside(simulator, fit, members, local, s) for s in (step, -step))
         by_local = simulator.windows.slope(ahead - behind, 2 * step, members)
         return Jacobian(by_local, self._by_winch(simulator, fit, members, fit.points[members]))
@@ -96,7 +97,7 @@ class FiniteDifferences:
     ) -> Floats:
         """(n, D, W) with a change of each winch at the start of windows with points `here`."""
         winches = fit.initial.winch.shape[1]
-        offset = self._settings.winch_step * simulator.winch_unit
+        offset = WINCH_STEP * simulator.winch_unit
         rows = np.repeat(members, winches)
         shifted = fit.carried.winch[rows] + offset * np.tile(np.eye(winches), (len(members), 1))
         initial = fit.initial.mechanics[rows]

@@ -27,9 +27,24 @@ from flywheel.diagnosis.fitting.parameters import FreeParameter, Key, free_param
 from flywheel.diagnosis.fitting.simulation import Carried, InitialStates
 from flywheel.diagnosis.fitting.stopping import converged, least_worthwhile_fall
 from flywheel.diagnosis.fitting.windows import Windows
-from flywheel.diagnosis.settings import FittingSettings, LeastSquaresSettings
+from flywheel.diagnosis.settings import FittingSettings
 from flywheel.effects import Scales, Terms
 from flywheel.records import Floats
+
+# Dampings of the shared parameters' step, tried one after the other; infinite for no step.
+SHARED_DAMPINGS = (0.0, 0.3, 10.0, np.inf)
+# Of a window's own step: least for the shared parameters' equations, first, and at most with a new Jacobian.
+LEAST_DAMPING, FIRST_DAMPING, MOST_WITH_NEW_JACOBIAN = 1e-4, 0.1, 1.0
+STEPS = 3  # with one Jacobian
+# Shared parameters that are many: their sensitivities, too, are kept for all these steps, because simulating them
+# dominates the cost then, and the best of the dampings is used.
+MANY = 12
+# Error of a window's predicted change, relative to the change, above which its Jacobian is stale; and square
+# of an error that is always negligible [sigma^2].
+PREDICTION_ERROR = 0.3
+# Change of the recordings by the whole prior of a number as built, beside initial states, below which its
+# sensitivities are not computed again: it cannot explain more than noise [sigma].
+LEAST_SHOWN = 1.0
 
 
 @dataclass(frozen=True)
@@ -83,14 +98,12 @@ class JacobianCache:
     kept: KeptColumns | None = None
 
     @classmethod
-    def fresh(
-        cls, jacobian: Jacobian, settings: LeastSquaresSettings, before: JacobianCache | None = None
-    ) -> JacobianCache:
+    def fresh(cls, jacobian: Jacobian, before: JacobianCache | None = None) -> JacobianCache:
         """A new Jacobian; windows with smaller damping `before` keep it."""
         fresh = np.zeros(len(jacobian.by_local), bool)
         if before is None:
-            return cls(jacobian, fresh, np.full(len(fresh), settings.first_damping))
-        damping = np.minimum(before.damping, settings.max_damping_with_new_jacobian)
+            return cls(jacobian, fresh, np.full(len(fresh), FIRST_DAMPING))
+        damping = np.minimum(before.damping, MOST_WITH_NEW_JACOBIAN)
         return cls(
             jacobian,
             fresh,
@@ -156,15 +169,14 @@ class Restart:
 
     Attributes:
       seed: of other initial states.
-      stuck: mean square of a window, over the usual one, from which it may be stuck; None for the
-        settings'.
+      stuck: mean square of a window, over the usual one, from which it may be stuck in a local minimum.
       usual: mean square of a window that is not stuck [sigma^2]; None for the median one.
       most: largest number of windows, those with the largest residuals; None for all that may be
         stuck.
     """
 
     seed: int = 0
-    stuck: float | None = None
+    stuck: float = 1.3
     usual: float | None = None
     most: int | None = None
 
@@ -259,7 +271,7 @@ class Fitter(ABC):
 
     def free(self, terms: Terms) -> list[FreeParameter]:
         """All values of terms, as parameters of a fit."""
-        return free_parameters(terms, self.scales, self.settings.jacobian)
+        return free_parameters(terms, self.scales, self.settings.believed)
 
     def renewed(self, fit: Fit) -> JacobianCache:
         """A Jacobian around a fit, recomputed in stale windows."""
@@ -269,7 +281,7 @@ class Fitter(ABC):
 
     def cached(self, jacobian: Jacobian, before: JacobianCache | None = None) -> JacobianCache:
         """A new Jacobian; see `JacobianCache.fresh`."""
-        return JacobianCache.fresh(jacobian, self.settings.least_squares, before)
+        return JacobianCache.fresh(jacobian, before)
 
     def rough_estimate(
         self, terms: Terms, free: Sequence[FreeParameter], kept: KeptColumns | None = None
@@ -349,9 +361,9 @@ class Fitter(ABC):
 
     def lm_steps(self, fit: Fit, free: Sequence[FreeParameter]) -> Fit:
         """Steps with the present Jacobian, whose computation dominates the time."""
-        settings, columns = self.settings.least_squares, None
-        for _ in range(settings.steps):
-            if columns is None or len(free) < settings.reuse_sensitivities_from:
+        columns = None
+        for _ in range(STEPS):
+            if columns is None or len(free) < MANY:
                 columns = self.by_value(fit, free)
             after = self._step(fit, free, columns)
             if after is None:
@@ -398,7 +410,7 @@ class Fitter(ABC):
         beside = bases[:, : own.shape[1]].swapaxes(1, 2) @ own
         shown = np.sqrt((own**2).sum(axis=(0, 1)) - (beside**2).sum(axis=(0, 1)))
         prior = np.array([f.prior for f in free])
-        again = shown * prior >= self.settings.nuisance.least_shown
+        again = shown * prior >= LEAST_SHOWN
         columns = kept.columns.copy()
         anew = [f for f, wanted in zip(free, again, strict=True) if wanted]
         columns[..., places[again]] = self._by_value(fit, anew)
@@ -438,7 +450,6 @@ class Fitter(ABC):
         the best one: long steps of many lead to poor minima. Each window then takes its best step.
         """
         assert fit.cache is not None
-        settings = self.settings.least_squares
         cache, jacobian = fit.cache, fit.cache.jacobian
         by_shared = self.by_shared(jacobian, by_value)
         winches = fit.initial.winch
@@ -447,9 +458,9 @@ class Fitter(ABC):
         bounds = np.concatenate(
             [bounds, np.reshape([f.room(fit.terms) for f in free], (-1, 2)).T], 1
         )
-        best, many = None, len(free) >= settings.reuse_sensitivities_from
-        for index in cache.tried(len(settings.shared_damping)):
-            step = damped_step(matrix, right, settings.shared_damping[index], bounds)
+        best, many = None, len(free) >= MANY
+        for index in cache.tried(len(SHARED_DAMPINGS)):
+            step = damped_step(matrix, right, SHARED_DAMPINGS[index], bounds)
             winch = winches + step[: winches.size].reshape(winches.shape)
             terms = fit.terms
             for f, size in zip(free, step[winches.size :], strict=True):
@@ -463,7 +474,7 @@ class Fitter(ABC):
             if after.cost < fit.cost:
                 own = np.einsum("kdx,kx->kd", jacobian.by_local, after.local - fit.local)
                 went = replace(cache, shared_damping=index, untried=False)
-                stale = _mispredicted(fit.residual, left - own, after.residual, settings)
+                stale = _mispredicted(fit.residual, left - own, after.residual)
                 best = replace(after, cache=went.outdated(stale))
                 if not many:
                     break
@@ -473,12 +484,12 @@ class Fitter(ABC):
         self, fit: Fit, jacobian: Jacobian, shared: Floats, free: Sequence[FreeParameter]
     ) -> tuple[Floats, Floats]:
         """Normal equations (S, S), (S,) of the shared parameters, with the local ones eliminated."""
-        least = self.settings.least_squares.least_damping
-        local, own = self.normal_equations(fit.local, jacobian.by_local, fit.residual, least)
-        cross = jacobian.by_local.swapaxes(1, 2) @ shared
+        by_local, left = jacobian.by_local, fit.residual
+        local, own = self.normal_equations(fit.local, by_local, left, LEAST_DAMPING)
+        cross = by_local.swapaxes(1, 2) @ shared
         eliminated = np.linalg.solve(local, np.concatenate([cross, own[..., None]], axis=2))
         whole = np.einsum("kds,kdt->st", shared, shared, optimize=True)
-        right = np.einsum("kds,kd->s", shared, fit.residual)
+        right = np.einsum("kds,kd->s", shared, left)
         whole -= np.einsum("kxs,kxt->st", cross, eliminated[..., :-1])
         right -= np.einsum("kxs,kx->s", cross, eliminated[..., -1])
         offsets = np.arange(fit.initial.winch.size)
@@ -519,10 +530,8 @@ def damped_step(matrix: Floats, right: Floats, damping: float, bounds: Floats) -
     return np.clip(within, *bounds)
 
 
-def _mispredicted(
-    before: Floats, promised: Floats, after: Floats, settings: LeastSquaresSettings
-) -> np.ndarray:
+def _mispredicted(before: Floats, promised: Floats, after: Floats) -> np.ndarray:
     """(K,) windows whose residuals (K, D) differ from the prediction."""
     off, went = ((after - x) ** 2 for x in (promised, before))
-    tolerance = settings.prediction_error_tolerance
-    return np.asarray(off.sum(axis=1) > np.maximum(tolerance**2 * went.sum(axis=1), tolerance))
+    least = np.maximum(PREDICTION_ERROR**2 * went.sum(axis=1), PREDICTION_ERROR)
+    return np.asarray(off.sum(axis=1) > least)

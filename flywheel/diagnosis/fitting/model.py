@@ -10,7 +10,7 @@ import numpy as np
 
 from flywheel.diagnosis.fitting.initial_states import estimated_initial_states
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter, Restart
-from flywheel.diagnosis.fitting.multistart import unstuck
+from flywheel.diagnosis.fitting.multistart import AFTER, BEFORE, unstuck
 from flywheel.diagnosis.fitting.network_fit import NetworkFitter
 from flywheel.diagnosis.fitting.plant_fit import PlantFitter
 from flywheel.diagnosis.fitting.refinement import F, shorter_steps
@@ -22,6 +22,10 @@ from flywheel.dynamics.plant import Plant, swing_period
 from flywheel.effects import Scales, Terms
 from flywheel.errors import DataError, ModelError
 from flywheel.records import Trajectory
+
+# Fraction of the cost that the last round must remove for a fit of initial states to go on, and the most
+# further rounds: stiff cables make the cost so rough that it is far from its end after the usual ones.
+GOING, LONGEST = 0.1, 20
 
 
 @dataclass(frozen=True)
@@ -139,31 +143,27 @@ def fitter_of(
     return PlantFitter(WindowSimulator(windows, plant, busy), first, settings)
 
 
-def fitted(fitter: Fitter, terms: Terms = (), rounds: int | None = None, seed: int = 0) -> Fit:
+def fitted(fitter: Fitter, terms: Terms = (), rounds: int = AFTER, seed: int = 0) -> Fit:
     """Fitted initial states, with constant terms, in the time steps of the fitter."""
-    settings = fitter.settings.multistart
-    fit = fitter.fit(fitter.first_estimate(terms), rounds=settings.before)
-    rounds = settings.after if rounds is None else rounds
+    fit = fitter.fit(fitter.first_estimate(terms), rounds=BEFORE)
     return _fitted_on(fitter, fitter.restarted(fit, Restart(seed)), rounds)
 
 
 def _fitted_on(fitter: Fitter, fit: Fit, rounds: int, enough: float = 0.0) -> Fit:
     """A fit after so many rounds, and after more as long as each takes away a good part of the cost."""
-    settings = fitter.settings.multistart
     fit = fitter.fit(fit, rounds=rounds - 1, enough=enough)
-    for _ in range(1 + settings.longest):
+    for _ in range(1 + LONGEST):
         before = fit.cost
         fit = fitter.fit(fit, rounds=1, enough=enough)
-        if fit.converged or not before - fit.cost >= max(enough, settings.going * before):
+        if fit.converged or not before - fit.cost >= max(enough, GOING * before):
             break
     return fit
 
 
 def fitted_and_refined(fitter: F, begun: Fit, seed: int = 0) -> tuple[F, Fit]:
     """Fitted initial states, with constant terms, and a fitter with sufficiently short time steps."""
-    settings = fitter.settings.multistart
-    fitter, fit = shorter_steps(fitter, fitter.fit(begun, rounds=settings.before))
-    return fitter, _fitted_on(fitter, fitter.restarted(fit, Restart(seed)), settings.after)
+    fitter, fit = shorter_steps(fitter, fitter.fit(begun, rounds=BEFORE))
+    return fitter, _fitted_on(fitter, fitter.restarted(fit, Restart(seed)), AFTER)
 
 
 def fitted_as_given(fitter: F, begun: Fit, seed: int = 0, calibrated: bool = True) -> tuple[F, Fit]:
@@ -172,10 +172,9 @@ def fitted_as_given(fitter: F, begun: Fit, seed: int = 0, calibrated: bool = Tru
     If it is clearly wrong, its initial states are not searched everywhere, nor fitted to the last
     digit; nor are time steps, before it is `calibrated`.
     """
-    settings = fitter.settings.multistart
-    fit = fitter.fit(begun, rounds=settings.before)
+    fit = fitter.fit(begun, rounds=BEFORE)
     if not calibrated and fitter.worthwhile(fit):
         return fitter, fit
     fitter, fit = shorter_steps(fitter, fit)
     fit = unstuck(fitter, fit, Restart(seed))
-    return fitter, _fitted_on(fitter, fit, settings.after, fitter.worthwhile(fit))
+    return fitter, _fitted_on(fitter, fit, AFTER, fitter.worthwhile(fit))

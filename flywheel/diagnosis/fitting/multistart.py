@@ -6,6 +6,10 @@ from dataclasses import replace
 
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter, Restart
 
+# Fraction of a window's excess that must disappear with another state if its state is to blame.
+EASED = 0.2
+BEFORE, AFTER = 2, 4  # rounds of a fit before windows start elsewhere, and after
+
 
 def unstuck(fitter: Fitter, fit: Fit, restart: Restart = Restart()) -> Fit:
     """A fit in which stuck windows start elsewhere; with restrictions for a clearly wrong model."""
@@ -34,7 +38,7 @@ def restarted_with_care(fitter: Fitter, fit: Fit, restart: Restart) -> Fit:
     """
     begun = fitter.restarted(fit, replace(restart, most=1))
     before, after = fitter.mean_squares(fit), fitter.mean_squares(begun)
-    least = fitter.settings.multistart.eased * max(0.0, before.max() - 1.0)
+    least = EASED * max(0.0, before.max() - 1.0)
     if (before - after).max() <= least:
         return fit
     return fitter.restarted(begun, restart)

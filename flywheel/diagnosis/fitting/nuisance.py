@@ -11,13 +11,18 @@ from dataclasses import replace
 import numpy as np
 
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
-from flywheel.diagnosis.fitting.multistart import unstuck
+from flywheel.diagnosis.fitting.multistart import BEFORE, unstuck
 from flywheel.diagnosis.fitting.parameters import FreeParameter
 from flywheel.diagnosis.settings import AsBuiltSettings
 from flywheel.effects import CALIBRATIONS, NAMED, Effect, Part, Term, Terms, together
 from flywheel.errors import DataError
 from flywheel.registry import lookup
 from flywheel.robots import Robot
+
+# Residual/noise ratio above which no other starts are tried: they are not the fault.
+FAR_OFF = 2.0
+STARTS = 2  # of an uncertain number that are fitted for more than a round
+NEARBY = 4  # times, at most, that starts around a result are fitted
 
 # A number -> a finer or a coarser one of the same, which whoever names the first has said something of.
 PARTS_OF = {
@@ -163,16 +168,15 @@ def calibrated(fitter: Fitter, fit: Fit, terms: Terms) -> Fit:
     """
     if not terms:
         return fit
-    settings, said = fitter.settings.nuisance, (*fit.terms, *terms)
-    finalists = fitter.settings.multistart.finalists
+    said = (*fit.terms, *terms)
     last = range(len(fit.terms), len(said))
     unknown = [value for value in fitter.free(said) if value.term in last]
     fit = replace(fit, cache=fitter.renewed(fit))
     begun = sorted(_begun_beside(fitter, fit, said, unknown), key=lambda each: each.cost)
-    ended = [fitter.fit(each, unknown, rounds=1) for each in begun[:finalists]]
+    ended = [fitter.fit(each, unknown, rounds=1) for each in begun[:STARTS]]
     best = min(ended, key=lambda each: each.cost)
     best = fitter.fit(best, unknown, enough=fitter.worthwhile(best))
-    if best.cost > settings.far_off * fitter.freedom:
+    if best.cost > FAR_OFF * fitter.freedom:
         return best
     elsewhere = unstuck(fitter, best)
     if elsewhere is not best:
@@ -186,11 +190,10 @@ def _lowest_nearby(fitter: Fitter, fit: Fit, unknown: Sequence[FreeParameter]) -
     The depth of a minimum is unknown after one round: all starts continue. Then each window takes
     the best of all initial states found.
     """
-    settings = fitter.settings.multistart
-    for _ in range(settings.after):
+    for _ in range(NEARBY):
         renewed = replace(fit, cache=fitter.renewed(fit))
         begun = _begun_beside(fitter, renewed, fit.terms, unknown)
-        ended = [fitter.fit(each, unknown, rounds=settings.before) for each in begun]
+        ended = [fitter.fit(each, unknown, rounds=BEFORE) for each in begun]
         best = min(ended, key=lambda each: each.cost)
         others = [each for each in ended if each is not best]
         for each in others:

@@ -7,8 +7,12 @@ from math import inf
 
 import numpy as np
 
-from flywheel.diagnosis.settings import JacobianSettings
-from flywheel.effects import Parameter, Scales, Terms, is_number_of, taken_apart
+from flywheel.diagnosis.settings import FittingSettings
+from flywheel.effects import Scales, Terms, is_number_of, taken_apart
+
+# Step of a value of an effect, in typical sizes: a secant, not a derivative, which friction and play do not have
+# at zero.
+STEP = 0.25
 
 Key = tuple[str, int | None, int]
 
@@ -65,12 +69,17 @@ class FreeParameter:
 
 
 def free_parameters(
-    terms: Terms, scales: Scales, settings: JacobianSettings = JacobianSettings()
+    terms: Terms, scales: Scales, believed: float = FittingSettings().believed
 ) -> list[FreeParameter]:
     """All values of all terms: sizes, then shapes, term by term.
 
     Numbers of a robot as built at the place of a candidate effect stay zero: they are the same
     quantity, and the effect has no prior.
+
+    Args:
+      terms: of the values.
+      scales: of the robot.
+      believed: largest allowed deviation from a prior, in standard deviations.
     """
     asked = [term for term in terms if term.asked]
     found = []
@@ -78,26 +87,13 @@ def free_parameters(
         parts = [part for part in taken_apart((term,)) for _ in part.values]
         for index, (parameter, part) in enumerate(zip(term.effect.parameters, parts, strict=True)):
             deviation = term.known[index] if term.known else inf
-            value = _free(number, index, parameter, deviation, scales, settings)
+            typical, most = parameter.typical(scales), believed * deviation
+            low, high = max(parameter.low * typical, -most), min(parameter.high * typical, most)
+            value = FreeParameter(number, index, typical, low, high, STEP, deviation / typical)
             if any(is_number_of(part, each) for each in asked):
                 value = replace(value, low=0.0, high=0.0)
             found.append(value)
     return found
-
-
-def _free(
-    term: int,
-    index: int,
-    parameter: Parameter,
-    deviation: float,
-    scales: Scales,
-    settings: JacobianSettings,
-) -> FreeParameter:
-    typical = parameter.typical(scales)
-    low = max(parameter.low * typical, -settings.believed * deviation)
-    high = min(parameter.high * typical, settings.believed * deviation)
-    step = settings.parameter_step
-    return FreeParameter(term, index, typical, low, high, step, prior=deviation / typical)
 
 
 def prior_cost(terms: Terms) -> float:

@@ -9,8 +9,16 @@ from typing import Self
 
 import numpy as np
 
-from flywheel.diagnosis.fitting.jacobian import FiniteDifferences
-from flywheel.diagnosis.fitting.least_squares import Fit, Fitter, Jacobian, JacobianCache, Restart
+from flywheel.diagnosis.fitting.jacobian import STEPS, FiniteDifferences
+from flywheel.diagnosis.fitting.least_squares import (
+    LEAST_DAMPING,
+    Fit,
+    Fitter,
+    Jacobian,
+    JacobianCache,
+    Restart,
+)
+from flywheel.diagnosis.fitting.multistart import AFTER, BEFORE
 from flywheel.diagnosis.fitting.parameters import prior_cost
 from flywheel.diagnosis.fitting.simulation import Carried, InitialStates, WindowSimulator
 from flywheel.diagnosis.settings import FittingSettings
@@ -18,6 +26,19 @@ from flywheel.dynamics.plant import unseen_axes
 from flywheel.dynamics.plant.restarted import FREE_VELOCITIES
 from flywheel.effects import Terms
 from flywheel.records import Floats, State
+
+MULTIPLIERS = (0.3, 3.0)  # on the best damping of a window's last step, all of which are tried
+MOST_DAMPING = 1e4
+# Random rotations of the bodies about invisible axes, tried for each such window, and their deviation [rad].
+ROTATIONS, ROTATION = 4, 0.4
+DAMPINGS = (
+    1e-4,
+    1e-2,
+    0.1,
+    1.0,
+    10.0,
+)  # of a step from other initial states, all of which are tried
+FINALISTS = 2  # initial states of each window that continue after the rounds `BEFORE`
 
 
 class PlantFitter(Fitter):
@@ -40,7 +61,7 @@ class PlantFitter(Fitter):
         winch_prior = known.winch_prior * simulator.winch_unit
         super().__init__(simulator.windows, prior, winch_prior, settings)
         self.simulator, self.first, self._halved = simulator, first, simulator.halved()
-        self.differences = FiniteDifferences(simulator, first, settings.jacobian)
+        self.differences = FiniteDifferences(simulator, first)
 
     @property
     def time_steps(self) -> Floats:
@@ -115,9 +136,8 @@ class PlantFitter(Fitter):
 
     def _rough(self, fit: Fit, members: np.ndarray) -> Jacobian:
         """A rough Jacobian of windows `members` (n,)."""
-        steps = self.settings.jacobian.steps
         turn = 0 if fit.cache is None else fit.cache.number + 1
-        return self.differences.rough(fit, members, steps[turn % len(steps)])
+        return self.differences.rough(fit, members, STEPS[turn % len(STEPS)])
 
     def predictions(self, fit: Fit, terms: Sequence[Terms]) -> Floats:
         """(n, K, steps + 1, P, 3) points with a fit's terms replaced by each of n [m]."""
@@ -153,12 +173,7 @@ class PlantFitter(Fitter):
         self, fit: Fit, cache: JacobianCache, left: Floats, winch: Floats, terms: Terms
     ) -> Fit:
         """Each window takes its best damping, or does not move."""
-        settings = self.settings.least_squares
-        tried = np.clip(
-            np.multiply.outer(settings.damping_multipliers, cache.damping),
-            settings.least_damping,
-            settings.most_damping,
-        )
+        tried = np.multiply.outer(MULTIPLIERS, cache.damping).clip(LEAST_DAMPING, MOST_DAMPING)
         by_local = cache.jacobian.by_local
         steps = np.stack([self._steps(fit.local, by_local, left, each) for each in tried])
         if not steps.any():
@@ -185,18 +200,17 @@ class PlantFitter(Fitter):
         misled by a wrong model: they are restarted from their present states, from their first
         estimates, and with their bodies turned at random about invisible axes.
         """
-        settings, square, usual = self.settings.multistart, self.mean_squares(fit), restart.usual
-        stuck = settings.stuck if restart.stuck is None else restart.stuck
+        square, usual = self.mean_squares(fit), restart.usual
         if usual is None:  # a window by itself has no others to be compared with
             usual = float(np.median(square)) if len(square) > 1 else 1.0
         loudest = np.argsort(-square)[: restart.most]
-        doubted = np.sort(loudest[square[loudest] > stuck * max(1.0, usual)])
+        doubted = np.sort(loudest[square[loudest] > restart.stuck * max(1.0, usual)])
         if not len(doubted):
             return fit
-        here, rotations = fit.local[doubted], settings.rotations
-        turned = self._turned(np.repeat(here, rotations, axis=0), restart.seed)
+        here = fit.local[doubted]
+        turned = self._turned(np.repeat(here, ROTATIONS, axis=0), restart.seed)
         tried = np.concatenate([here, np.zeros_like(here), turned])
-        members = np.concatenate([doubted, doubted, np.repeat(doubted, rotations)])
+        members = np.concatenate([doubted, doubted, np.repeat(doubted, ROTATIONS)])
         return self.searched(fit, members, tried)
 
     def best_of(self, fit: Fit, other: Fit) -> Fit:
@@ -218,8 +232,7 @@ class PlantFitter(Fitter):
         rng, local = np.random.default_rng(seed), local.copy()
         for body, axis in unseen_axes(self.windows.robot).items():
             turn = FREE_VELOCITIES * body + np.arange(3, 6)
-            spread = self.settings.multistart.rotation_sigma
-            local[:, turn] += rng.normal(0.0, spread, (len(local), 1)) * axis
+            local[:, turn] += rng.normal(0.0, ROTATION, (len(local), 1)) * axis
         return local
 
     def _trials(
@@ -274,8 +287,7 @@ class PlantFitter(Fitter):
         points = self.simulator.parallel(states, fit.carried, fit.terms, members)
         by_local = self.differences.rough_by_local(fit, members, local, step)
         left = np.nan_to_num(self.windows.residual_of(members, points))
-        dampings = self.settings.multistart.damping
-        steps = np.stack([self._steps(local, by_local, left, d) for d in dampings])
+        steps = np.stack([self._steps(local, by_local, left, d) for d in DAMPINGS])
         tried = np.concatenate([np.zeros_like(local)[None], steps]) + local
         rows = np.tile(members, len(steps))
         cost = self.costs(fit.carried, fit.terms, rows, tried[1:].reshape(-1, local.shape[1]))
@@ -289,16 +301,15 @@ class PlantFitter(Fitter):
 
         After the elimination, each goes on as long as it may still become the lowest of its window.
         """
-        settings, rough = self.settings.multistart, self.settings.jacobian.steps
-        rounds = settings.before + settings.after
+        rounds = BEFORE + AFTER
         local, cost, on = local.copy(), np.zeros(len(members)), np.ones(len(members), bool)
-        for number, step in enumerate(islice(cycle(rough), rounds), 1):
+        for number, step in enumerate(islice(cycle(STEPS), rounds), 1):
             before = cost.copy()
             local[on], before[on], cost[on] = self._stepped_alone(fit, members[on], local[on], step)
-            if number < settings.before:
+            if number < BEFORE:
                 continue
-            if number == settings.before:
-                kept = _best_of_each(members, cost, settings.finalists)
+            if number == BEFORE:
+                kept = _best_of_each(members, cost, FINALISTS)
                 members, local, on = members[kept], local[kept], on[kept]
                 before, cost = before[kept], cost[kept]
             least = np.array([cost[members == one].min() for one in members])

@@ -13,7 +13,7 @@ from flywheel.diagnosis.checks.adequacy import Adequacy, OwnErrors
 from flywheel.diagnosis.checks.held_out import Errors
 from flywheel.diagnosis.checks.held_out_gain import Gain
 from flywheel.diagnosis.selection.misspecification import NONE, Misspecification
-from flywheel.diagnosis.settings import JacobianSettings, Limits
+from flywheel.diagnosis.settings import FittingSettings, Limits
 from flywheel.diagnosis.statistics import INTERVAL
 from flywheel.effects import Parameter, PerPart, Scales, Term, place_name
 from flywheel.records import Floats
@@ -185,7 +185,7 @@ def found(
     deviations: Floats,
     by_step: Floats,
     robot: Robot,
-    believed: float = JacobianSettings().believed,
+    believed: float = FittingSettings().believed,
 ) -> Found:
     """A term with the uncertainty of its values.
 

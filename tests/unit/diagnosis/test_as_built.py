@@ -16,7 +16,7 @@ from flywheel.diagnosis.fitting.nuisance import as_built_terms, asked
 from flywheel.diagnosis.selection.candidates import candidates
 from flywheel.diagnosis.selection.other_forms import in_other_forms
 from flywheel.diagnosis.selection.score_test import ScoredModel
-from flywheel.diagnosis.selection.search import Search
+from flywheel.diagnosis.selection.search import SHAKE, Search
 from flywheel.diagnosis.selection.stepwise import _as_built, _numbers_are_needed
 from flywheel.diagnosis.settings import AsBuiltSettings, FittingSettings
 from flywheel.dynamics.plant import Plant
@@ -128,8 +128,7 @@ def test_numbers_that_recordings_hardly_show_keep_their_sensitivities(begun, mon
     fitter, fit = search.fitter, search.fit_until(model.fit)
     anew = []
     for least in (0.0, 1.0, np.inf):
-        nuisance = replace(fitter.settings.nuisance, least_shown=least)
-        monkeypatch.setattr(fitter, "settings", replace(fitter.settings, nuisance=nuisance))
+        monkeypatch.setattr("flywheel.diagnosis.fitting.least_squares.LEAST_SHOWN", least)
         changed = fitter.kept_anew(fit).kept.columns != fit.kept.columns
         anew.append(changed.any(axis=(0, 1)).sum())
     assert anew[0] > anew[1] > anew[2] == 0
@@ -211,7 +210,7 @@ def test_a_fit_that_is_stuck_goes_on_from_beside_itself(begun, monkeypatch):
     assert found.cost == stuck.cost - 9.0
     assert asked(found.terms) == (weak,)
     moved = [v / k for t in found.terms if t.known for v, k in zip(t.values, t.known, strict=True)]
-    assert np.std(moved) == pytest.approx(search.fitter.settings.nuisance.shake, rel=0.4)
+    assert np.std(moved) == pytest.approx(SHAKE, rel=0.4)
     number = next(
         t for t in taken_apart(found.terms) if t.effect.name == "weak_cable" and t.place == 1
     )
@@ -248,7 +247,7 @@ def test_what_an_effect_said_is_said_by_its_number_within_what_is_believed(begun
     number = next(
         t for t in taken_apart(less.terms) if t.effect.name == "weak_cable" and t.place == 1
     )
-    assert number.values[0] == pytest.approx(search.fitter.settings.jacobian.believed * 0.08)
+    assert number.values[0] == pytest.approx(search.fitter.settings.believed * 0.08)
 
 
 def alone_beside(

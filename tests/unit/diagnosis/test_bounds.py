@@ -6,7 +6,7 @@ import pytest
 from flywheel.diagnosis.fitting.least_squares import damped_step
 from flywheel.diagnosis.fitting.nuisance import unsure_terms
 from flywheel.diagnosis.fitting.parameters import FreeParameter, free_parameters
-from flywheel.diagnosis.settings import JacobianSettings
+from flywheel.diagnosis.settings import FittingSettings
 from flywheel.effects import Scales
 
 OPEN = np.array([[-np.inf], [np.inf]])
@@ -38,11 +38,10 @@ def test_a_step_that_would_leave_its_bounds_ends_at_them_and_the_others_make_up_
 def test_what_is_said_of_a_number_is_believed_up_to_three_deviations(robot, seed):
     deviation = float(np.random.default_rng(seed).uniform(0.01, 0.1))
     terms = unsure_terms({"body_mass": deviation})
-    settings = JacobianSettings()
-    (free,) = free_parameters(terms, Scales.of(robot), settings)
+    (free,) = free_parameters(terms, Scales.of(robot))
     for way in (-1.0, 1.0):
         ((value,),) = (term.values for term in free.moved(terms, way * 1e3))
-        assert value == pytest.approx(way * settings.believed * deviation), seed
+        assert value == pytest.approx(way * FittingSettings().believed * deviation), seed
 
 
 @pytest.mark.parametrize(

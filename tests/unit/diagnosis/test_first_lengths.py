@@ -32,7 +32,7 @@ def far(fitter: PlantFitter, **offsets: float) -> tuple[FirstLength, ...]:
     winch = np.zeros((2, len(robot.winches)))
     for name, times in offsets.items():
         index = next(i for i, each in enumerate(robot.winches) if each.name == name)
-        winch[1, index] = times * fitter.settings.jacobian.believed * fitter.winch_prior
+        winch[1, index] = times * fitter.settings.believed * fitter.winch_prior
     fit = fitter.at(np.zeros((len(fitter.windows), len(fitter.local_prior))), winch, ())
     return far_first_lengths(Plant(robot), fitter, fit)
 
@@ -55,7 +55,7 @@ def test_a_cable_that_would_have_to_be_slack_all_the_time_is_named(fitter: Plant
     (length,) = far(fitter, winch_fr=40.0)
     assert (length.recording, length.slack, length.measured) == (1, True, False)
     (cable,) = length.cables
-    believed = fitter.settings.jacobian.believed * fitter.winch_prior
+    believed = fitter.settings.believed * fitter.winch_prior
     assert length.longer == pytest.approx(40.0 * believed)
     words = f"{cable} is slack from the beginning in recording 1: its rest length would be 0.19 m longer"
     assert words in sentence(told(length))

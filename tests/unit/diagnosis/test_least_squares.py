@@ -6,13 +6,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from flywheel.diagnosis.fitting import least_squares
 from flywheel.diagnosis.fitting.least_squares import Fit, Jacobian, JacobianCache, Restart
 from flywheel.diagnosis.fitting.model import fitted, fitter_of
 from flywheel.diagnosis.fitting.plant_fit import PlantFitter
 from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.diagnosis.selection.candidates import Candidate, candidates
 from flywheel.diagnosis.selection.score_test import Projection, score_test
-from flywheel.diagnosis.settings import LeastSquaresSettings
 from flywheel.dynamics.plant import Plant, between, moved
 from flywheel.effects import EFFECTS, Term
 from flywheel.robots import Robot
@@ -34,10 +34,9 @@ def library(robot: Robot) -> tuple[Candidate, ...]:
 def test_sensitivities_to_many_values_are_kept_until_the_next_jacobian(
     fitter: PlantFitter, seed: int, monkeypatch, many: int
 ) -> None:
-    settings = replace(
-        fitter.settings, least_squares=LeastSquaresSettings(reuse_sensitivities_from=many, steps=2)
-    )
-    fitter = PlantFitter(fitter.simulator, fitter.first, settings)
+    monkeypatch.setattr(least_squares, "MANY", many)
+    monkeypatch.setattr(least_squares, "STEPS", 2)
+    fitter = PlantFitter(fitter.simulator, fitter.first)
     gain = float(np.random.default_rng(seed).uniform(0.05, 0.15))
     begun = fitter.first_estimate((Term(EFFECTS["winch_gain"], None, (gain,)),))
     begun = replace(begun, cache=fitter.cached(fitter.jacobian(begun)))
@@ -55,10 +54,8 @@ def test_sensitivities_to_many_values_are_kept_until_the_next_jacobian(
 def test_many_values_take_the_step_that_suits_them_best_and_few_the_first_that_does(
     fitter: PlantFitter, monkeypatch, many: int, taken: float
 ) -> None:
-    few = replace(
-        fitter.settings, least_squares=LeastSquaresSettings(reuse_sensitivities_from=many)
-    )
-    fitter = PlantFitter(fitter.simulator, fitter.first, few)
+    monkeypatch.setattr(least_squares, "MANY", many)
+    fitter = PlantFitter(fitter.simulator, fitter.first)
     begun = fitter.first_estimate((Term(EFFECTS["winch_gain"], None, (0.1,)),))
     begun = replace(begun, cache=fitter.cached(fitter.jacobian(begun)), cost=100.0)
     costs = iter([110.0, 90.0, 80.0, 85.0, 10.0])  # from the least damped on

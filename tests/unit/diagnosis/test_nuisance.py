@@ -9,11 +9,11 @@ import pytest
 from flywheel.diagnosis import diagnose
 from flywheel.diagnosis.adoption import adoptable
 from flywheel.diagnosis.fitting.model import fitted, fitted_as_given, fitter_of
-from flywheel.diagnosis.fitting.nuisance import calibrated, unsure_terms
+from flywheel.diagnosis.fitting.nuisance import STARTS, calibrated, unsure_terms
 from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.diagnosis.selection.candidates import candidates
 from flywheel.diagnosis.selection.search import Search
-from flywheel.diagnosis.settings import JacobianSettings, MultistartSettings
+from flywheel.diagnosis.settings import FittingSettings
 from flywheel.dynamics.plant import AugmentedPlant, Plant, PlantParameters
 from flywheel.effects import CALIBRATIONS, EFFECTS, NAMED, Term
 from flywheel.errors import DataError, UnknownNameError
@@ -127,7 +127,7 @@ def test_a_number_that_would_have_to_be_further_off_than_is_believed_is_named(ro
     )
     (stiffness,) = found.calibration
     assert stiffness.held_back, (seed, stiffness)
-    assert stiffness.values[0].in_plant == pytest.approx(JacobianSettings().believed * 0.05)
+    assert stiffness.values[0].in_plant == pytest.approx(FittingSettings().believed * 0.05)
     assert found.summary()["calibration"][0]["held_back"]
     assert "more of cable_stiffness than is allowed (3 of" in held_back(found)
     assert held_back(found) in diagnosis_page(found, {})
@@ -197,4 +197,4 @@ def test_only_the_best_beginnings_of_a_model_that_lacks_more_are_fitted_on(
 
     monkeypatch.setattr(type(fitter), "fit", counted)
     calibrated(fitter, begun, said)
-    assert rounds.count(1) == 5 + MultistartSettings().finalists, (seed, rounds)
+    assert rounds.count(1) == 5 + STARTS, (seed, rounds)

@@ -57,7 +57,7 @@ def test_every_verdict_has_a_sentence(found: Diagnosis, verdict: Verdict) -> Non
 
 def test_it_says_what_was_believed_and_decided_with_the_settings_it_was_made_with(found):
     assert "settings" not in found.summary()
-    changes = {"fitting.jacobian.believed": 2.0, "limits.equally_good": 60.0}
+    changes = {"fitting.believed": 2.0, "limits.equally_good": 60.0}
     (effect,) = found.answers[0]
     law = Misspecification(next(iter(PROBES)), 100.0, 0.5, next(iter(PROBES)), gain=50.0)
     calibration = (replace(effect, held_back=True),)
