@@ -53,6 +53,10 @@ from flywheel.options import DiagnosisOptions
 from flywheel.records import Trajectory
 from flywheel.robots import Robot
 
+# Largest number of searches, each with what the one before left: a model discrepancy; for a network, the
+# plant of its answer, whose start depends on its missing effects.
+SEARCHES = 2
+
 
 def diagnose(
     plant: Plant,
@@ -131,15 +135,15 @@ def _in_two_scales(search: Callable[..., Searched], heartbeat: Heartbeat) -> Sea
       heartbeat: of the time limit.
     """
     searched, known = search(), 0.0
-    settings = searched.search.fitter.settings.discrepancy
-    for _ in range(settings.passes):
+    least = searched.search.fitter.settings.discrepancy
+    for _ in range(SEARCHES):
         fitter, last = searched.search.fitter, searched.models[-1]
         noise = fitter.windows.noise
-        loud = np.hypot(noise, last.test.beyond_noise(fitter)) > settings.least * noise
+        loud = np.hypot(noise, last.test.beyond_noise(fitter)) > least * noise
         if not (loud and np.isfinite(last.fit.cost)) or searched.search.tolerates(last):
             break
         found = model_discrepancy(fitter, last.fit)
-        if max(found, known) <= settings.least * min(found, known):
+        if max(found, known) <= least * min(found, known):
             break
         heartbeat("no model fits to noise level; repeating with a model discrepancy")
         known = found
@@ -169,7 +173,7 @@ def _searched(
     Of a limited time a part is reserved for held-out recordings, in proportion to their length.
     """
     settings, around = under_test.settings, None
-    for _ in range(1 if under_test.model is None else settings.fitting.network.passes):
+    for _ in range(1 if under_test.model is None else SEARCHES):
         begun = time.monotonic()
         fitter, first = under_test.fitted(
             recordings, seconds, None, around, calibrated=not unsure, discrepancy=discrepancy

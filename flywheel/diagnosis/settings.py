@@ -143,29 +143,12 @@ class NetworkSettings:
       draws: of nearby initial states; half make the covariance, half test it.
       place, speed: standard deviations of these states, in natural units.
       quantile: of its own errors that a network's residual must exceed.
-      passes: largest number of searches, each from the plant of the previous answer: the start of that plant
-        depends on its missing effects.
     """
 
     draws: int = 96
     place: float = 0.01
     speed: float = 0.03
     quantile: float = 0.95
-    passes: int = 2
-
-
-@dataclass(frozen=True)
-class ModelDiscrepancySettings:
-    """Model discrepancy: the unexplained error as a second scale of error besides noise.
-
-    Attributes:
-      least: residual/noise ratio above which a model discrepancy is added: below it, noise dominates; and
-        ratio of successive estimates above which they are not stable.
-      passes: largest number of searches with an estimate of it.
-    """
-
-    least: float = 1.5
-    passes: int = 2
 
 
 @dataclass(frozen=True)
@@ -174,15 +157,17 @@ class FittingSettings:
 
     Attributes:
       believed: largest allowed deviation from a prior, in standard deviations.
+      discrepancy: residual/noise ratio above which a model discrepancy is added, a second scale of error:
+        below it, noise dominates; and ratio of successive estimates above which they are not stable.
     """
 
     believed: float = 3.0
+    discrepancy: float = 1.5
     initial_states: InitialStateSettings = InitialStateSettings()
     stopping: FitStoppingSettings = FitStoppingSettings()
     refinement: RefinementSettings = RefinementSettings()
     as_built: AsBuiltSettings = AsBuiltSettings()
     network: NetworkSettings = NetworkSettings()
-    discrepancy: ModelDiscrepancySettings = ModelDiscrepancySettings()
 
 
 @dataclass(frozen=True)
@@ -195,46 +180,29 @@ class SelectionSettings:
         LM statistic; of the error at the first estimates of the initial states, if no score promises as much
         of a fit's residual; of the threshold, in time steps shorter than a fit needs; and of what effects
         alone explain less than a robot as built.
-      screened: sizes tried at these, in typical sizes.
       per_family: places of one effect on the short list; number of other laws and of effects at one part
         beside it; and of further effects that are fitted with a size for each part, if an identified one has
         that.
       more: ratio to the explanation by the best candidate, from which two of them, another law, an effect at
         one part alone, or all numbers of a robot as built, are tried.
-      pairs: number of best candidates that are scored two at a time.
-      spread: standard deviation of the logarithm of the ratio between parts: most are within a factor of
-        two.
-      alone: smallest share of the largest part in the sum over all parts, for trying the effect there alone;
-        factors are drawn to one, so that those of the others do not vanish.
       max_effects: in one answer; a search has twice as many steps.
       least_share: fraction of an answer's residual beyond noise that another effect must promise to explain,
-        and a first one in place of a robot as built.
-      least_share_of_last: the same for the last allowed effect, without which the answer is incomplete
-        anyway.
+        and a first one in place of a robot as built; twice as much for the last allowed effect, without
+        which the answer is incomplete anyway.
       by_chance: fraction of a fit's residual beyond noise that other initial states may explain as well.
-      usually_off: standard deviations of a number of a robot as built, up to which an effect with the same
-        change is no answer in addition to another one in place of these numbers.
       as_built_shares: prior scales tried for a robot as built [-]; the most likely one is used.
       rival: fraction of an effect's LM statistic from which another is tried in its place.
-      suspect_share: largest deviation of a number of the MJCF.
     """
 
     shortlist: int = 4
     share: float = 0.5
-    screened: tuple[float, ...] = (-2.0, -1.0, 1.0, 2.0)
     per_family: int = 2
     more: float = 1.2
-    pairs: int = 25
-    spread: float = 0.5
-    alone: float = 0.4
     max_effects: int = 3
     least_share: float = 0.2
-    least_share_of_last: float = 0.4
     by_chance: float = 0.1
-    usually_off: float = 2.0
     as_built_shares: tuple[float, ...] = (0.125, 0.25, 0.5, 1.0)
     rival: float = 0.8
-    suspect_share: float = 0.25
 
 
 @dataclass(frozen=True)

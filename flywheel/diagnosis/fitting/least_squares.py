@@ -36,7 +36,7 @@ SHARED_DAMPINGS = (0.0, 0.3, 10.0, np.inf)
 # Of a window's own step: least for the shared parameters' equations, first, and at most with a new Jacobian.
 LEAST_DAMPING, FIRST_DAMPING, MOST_WITH_NEW_JACOBIAN = 1e-4, 0.1, 1.0
 STEPS = 3  # with one Jacobian
-# Shared parameters that are many: their sensitivities, too, are kept for all these steps, because simulating them
+# Shared parameters that are many: their sensitivities, too, are kept for all these steps, as simulating them
 # dominates the cost then, and the best of the dampings is used.
 MANY = 12
 # Error of a window's predicted change, relative to the change, above which its Jacobian is stale; and square

@@ -10,8 +10,7 @@ import numpy as np
 from flywheel.diagnosis.settings import FittingSettings
 from flywheel.effects import Scales, Terms, is_number_of, taken_apart
 
-# Step of a value of an effect, in typical sizes: a secant, not a derivative, which friction and play do not have
-# at zero.
+# Step of a value of an effect, in typical sizes: a secant, as friction and play have no derivative at zero.
 STEP = 0.25
 
 Key = tuple[str, int | None, int]

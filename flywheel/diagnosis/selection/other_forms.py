@@ -30,6 +30,12 @@ from flywheel.effects import (
     with_shares,
 )
 
+# Standard deviation of the logarithm of the ratio between parts: most are within a factor of two.
+SPREAD = 0.5
+# Smallest share of the largest part in the sum over all, for trying the effect there alone; factors are drawn
+# to one, so that those of the others do not vanish.
+ALONE = 0.4
+
 
 def in_other_forms(
     search: Search, before: ScoredModel, model: ScoredModel, rivals: Sequence[Score]
@@ -129,7 +135,7 @@ def _at_one_part(search: Search, fit: Fit) -> Fit | None:
     """A fit with its form at the largest part alone, fitted again; None if others have much of it."""
     *others, term = fit.terms
     alone, share = at_largest_part(term)
-    if share < search.settings.alone:
+    if share < ALONE:
         return None
     search.heartbeat(f"fitting {term.effect.name} at one {term.effect.part}")
     begun = search.fitter.with_terms(fit, (*others, alone))
@@ -141,7 +147,7 @@ def promised_per_part(
 ) -> Promise | None:
     """Promise of a model with a size of a term for each part beside others; None if it has no parts."""
     fitter = search.fitter
-    term = per_part_term(even, fitter.windows.robot, search.settings.spread)
+    term = per_part_term(even, fitter.windows.robot, SPREAD)
     if term is None:
         return None
     begun = replace(fitter.with_terms(model.fit, (*others, term)), cache=model.fit.cache)
@@ -153,7 +159,7 @@ def _per_part(search: Search, model: ScoredModel, family: str) -> Fit | None:
 
     Numbers of a robot as built differ between parts, too: it must promise about as much as they do.
     """
-    fit, fitter, spread = model.fit, search.fitter, search.settings.spread
+    fit, fitter = model.fit, search.fitter
     term = _of_family(fit, family)
     others = without(fit.terms, term)
     promise = promised_per_part(search, model, others, term)
@@ -163,15 +169,13 @@ def _per_part(search: Search, model: ScoredModel, family: str) -> Fit | None:
         return None
     *_, uneven = promise.fit.terms
     search.heartbeat(f"fitting {term.effect.name} {uneven.effect.form}")
-    sized = _sized_by_part(fitter, model, term, uneven, spread)
+    sized = _sized_by_part(fitter, model, term, uneven)
     starts = (promise.fit, fitter.with_terms(fit, (*others, sized)))
     begun = replace(min(starts, key=lambda each: each.cost), cache=fit.cache)
     return search.fit_until(begun, search.criterion(fit))
 
 
-def _sized_by_part(
-    fitter: Fitter, model: ScoredModel, term: Term, uneven: Term, spread: float
-) -> Term:
+def _sized_by_part(fitter: Fitter, model: ScoredModel, term: Term, uneven: Term) -> Term:
     """A term with the size at each part from the linearisation of a model."""
     size, *shapes = term.values
     count = len(parts_of(fitter.windows.robot, term.effect.part))
@@ -183,7 +187,7 @@ def _sized_by_part(
     columns = model.test.projection(fitter.columns(model.fit, doubled))
     gram = columns.T @ columns + np.eye(count)  # hardly more than the common size
     more = np.linalg.solve(gram, columns.T @ model.test.residual)
-    return with_shares(uneven, size * (present + more), spread)
+    return with_shares(uneven, size * (present + more), SPREAD)
 
 
 def _rival_per_part(search: Search, fit: Fit, score: Score) -> Fit | None:

@@ -18,6 +18,7 @@ from flywheel.diagnosis.selection.search import Search
 from flywheel.effects import Terms
 from flywheel.records import Floats
 
+PAIRS = 25  # best candidates that are scored two at a time
 SINGULAR = 1e6  # condition number of two effects that cannot be distinguished
 
 
@@ -30,15 +31,14 @@ def proposals(search: Search, model: ScoredModel, room: int) -> list[Terms]:
     """
     if model.scores[0].score < search.threshold:
         return []
-    spared, settings = search.heartbeat.spared, search.settings
+    spared = search.heartbeat.spared
     one = search.shortlist(model)
-    further = partial(screened, search.fitter, model, search.library, tuple(one), settings)
+    further = partial(screened, search, model, tuple(one))
     one += spared(partial(promising_forms, search, model), list[Score](), "effects at one part")
     found: list[Terms] = [(each.candidate.term(each.sizes, each.shape),) for each in one]
     found += spared(further, list[Terms](), "effects at the first estimates")
     if room > 1:
-        among = model.scores[: settings.pairs]
-        two = partial(promising_pairs, model.test, among, settings.more)
+        two = partial(promising_pairs, model.test, model.scores[:PAIRS], search.settings.more)
         found += spared(two, list[Terms](), "pairs of effects")
     return found
 

@@ -15,17 +15,13 @@ from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
 from flywheel.diagnosis.fitting.nuisance import as_said
 from flywheel.diagnosis.selection.candidates import Candidate, places
 from flywheel.diagnosis.selection.score_test import Score, ScoredModel
-from flywheel.diagnosis.settings import SelectionSettings
+from flywheel.diagnosis.selection.search import Search
 from flywheel.effects import Term, Terms
 
+SIZES = (-2.0, -1.0, 1.0, 2.0)  # that are tried, in typical sizes
 
-def screened(
-    fitter: Fitter,
-    model: ScoredModel,
-    library: Sequence[Candidate],
-    known: Sequence[Score],
-    settings: SelectionSettings = SelectionSettings(),
-) -> list[Terms]:
+
+def screened(search: Search, model: ScoredModel, known: Sequence[Score]) -> list[Terms]:
     """A further effect that explains most of the model's residual at the first estimates; usually none.
 
     It is only tested if a model is clearly wrong, and no score promises to explain much of it; and
@@ -33,46 +29,43 @@ def screened(
     the fitted states so far that its score had the wrong sign.
 
     Args:
-      fitter: of the model.
+      search: of the model.
       model: so far.
-      library: candidates.
       known: fitted anyway.
-      settings: of the diagnosis.
     """
-    promised = max(score.statistic for score in model.scores) > settings.share * model.left
+    fitter, share = search.fitter, search.settings.share
+    promised = max(score.statistic for score in model.scores) > share * model.left
     wrong = fitter.starts_are_free and fitter.worthwhile(model.fit) > 0.0
     had = places(model.fit.terms)
-    further = [each for each in library if (each.effect.name, each.place) not in had]
+    further = [each for each in search.library if (each.effect.name, each.place) not in had]
     if promised or not wrong or not further:
         return []
     begun = fitter.first_estimate(as_said(model.fit.terms))  # what was fitted was misled, too
-    best = [(*_best(fitter, begun, each, settings.screened), each) for each in further]
+    best = [(*_best(fitter, begun, each), each) for each in further]
     cost, term, candidate = min(best, key=lambda each: each[0])
-    explained = begun.cost - cost > settings.share * (begun.cost - model.test.freedom)
+    explained = begun.cost - cost > share * (begun.cost - model.test.freedom)
     if not explained or any(_same_way(score, candidate, term) for score in known):
         return []
     return [(term,)]
 
 
-def _best(
-    fitter: Fitter, begun: Fit, candidate: Candidate, sizes: Sequence[float]
-) -> tuple[float, Term]:
+def _best(fitter: Fitter, begun: Fit, candidate: Candidate) -> tuple[float, Term]:
     """Cost of the windows' residuals with the best of its terms, without any fit."""
-    terms = list(dict.fromkeys(_terms(candidate, sizes)))  # bounded sizes are the same ones
+    terms = list(dict.fromkeys(_terms(candidate)))  # bounded sizes are the same ones
     points = fitter.predictions(begun, [(*begun.terms, term) for term in terms])
     costs = np.array([(fitter.windows.residual(each) ** 2).sum() for each in points])
     costs = np.where(np.isfinite(points).all(axis=(1, 2, 3, 4)), costs, np.inf)
     return float(costs.min()), terms[int(costs.argmin())]
 
 
-def _terms(candidate: Candidate, sizes: Sequence[float]) -> list[Term]:
+def _terms(candidate: Candidate) -> list[Term]:
     """Each size alone, with each shape, as far as possible."""
     two_sided = np.tile(
         [not size.one_sided for size in candidate.effect.sizes], len(candidate.shapes)
     )
     return [
         term
-        for size in sizes
+        for size in SIZES
         for term, both in zip(candidate.unit_terms(size), two_sided, strict=True)
         if both or size > 0
     ]

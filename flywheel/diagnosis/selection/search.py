@@ -25,8 +25,8 @@ from flywheel.diagnosis.settings import SelectionSettings
 from flywheel.diagnosis.statistics import chance
 from flywheel.effects import Term, Terms, handed_back, handed_over
 
-# Fits of a robot as built that are started around the result, and the deviation of these moves, in those of the
-# priors: just enough to move a fit off the edges that contacts make in its cost.
+# Fits of a robot as built that are started around the result, and the deviation of these moves, in those of
+# the priors: just enough to move a fit off the edges that contacts make in its cost.
 SHAKES, SHAKE = 3, 0.1
 # Largest decrease of the cost by them [sigma^2]: 100 to 170 were seen.
 MOST_BY_SHAKING = 500.0

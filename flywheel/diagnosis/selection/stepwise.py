@@ -22,6 +22,9 @@ from flywheel.diagnosis.selection.search import Search, added
 from flywheel.diagnosis.statistics import RARE
 from flywheel.effects import Terms, usual
 
+# Standard deviations of a number of a robot as built, up to which an effect with the same change is no answer
+# in addition to another one in place of these numbers.
+USUALLY_OFF = 2.0
 SAME = 1e-9  # relative difference of the costs of two models that predict the same
 
 
@@ -127,7 +130,7 @@ def _step(search: Search, models: Sequence[ScoredModel]) -> tuple[Search, list[S
         search.heartbeat("testing a robot whose numbers are all slightly off")
         # Not fitted yet: what these numbers would make up for is what an effect is told by.
         models.append(last := built)
-    least = settings.least_share if room > 1 else settings.least_share_of_last
+    least = settings.least_share * (1.0 if room > 1 else 2.0)
     if room < 1 or (added(models) and not last.promises(least, settings.by_chance)):
         better = None
     else:
@@ -196,8 +199,8 @@ def _numbers_are_needed(search: Search, alone: Sequence[ScoredModel], last: Scor
     They do if one of several effects is such a number within its usual tolerance, or if they
     explain more beyond those effects than so many right numbers would of noise.
     """
-    found, off = added(alone), search.settings.usually_off
-    if len(found) > 1 and any(usual(term, search.as_built, off) for term in found):
+    found = added(alone)
+    if len(found) > 1 and any(usual(term, search.as_built, USUALLY_OFF) for term in found):
         return True
     numbers = sum(len(term.values) for term in search.as_built)
     least = float(chi2.isf(RARE, numbers))

@@ -13,6 +13,7 @@ from flywheel.diagnosis.selection.score_test import Score, ScoredModel, further_
 from flywheel.diagnosis.selection.search import Search, added
 from flywheel.effects import CALIBRATIONS, EFFECTS, Term
 
+MOST_OFF = 0.25  # of a number of the MJCF; one that would be farther off has a fit of its own
 FAR = (-0.5, 1.0, 3.0, 7.0)  # shares from the best of which a fit of a number begins
 NEAR = 0.999  # of a bound
 STIFFNESS, DAMPING = "cable_stiffness", "cable_damping"
@@ -79,7 +80,7 @@ def suspect_parameters(
                 score.score >= search.threshold
                 and score.statistic >= search.settings.rival * explained
             )
-            if seen and abs(off) <= search.settings.suspect_share and name not in found:
+            if seen and abs(off) <= MOST_OFF and name not in found:
                 instead = "" if after is None else _added(search, model, after)
                 more = score.statistic > explained
                 found[name] = SuspectParameter(name, float(off), score.score, instead, more)
@@ -99,7 +100,7 @@ def far_off_parameters(
       search, models: that led to an answer that leaves something.
       most: smallest share of the error beyond noise that such a number explains.
     """
-    settings, fitter = search.settings, search.fitter
+    fitter = search.fitter
     begun, last = models[0], models[-1]
     fit = fitter.with_terms(begun.fit, begun.fit.terms)
     found = []
@@ -108,11 +109,7 @@ def far_off_parameters(
         term = best.terms[len(fit.terms)]
         off, (size,) = term.values[0], term.effect.sizes
         share = (fit.cost - best.cost) / max(fit.cost - fitter.freedom, 1.0)
-        if (
-            abs(off) > settings.suspect_share
-            and share >= most
-            and best.cost < last.fit.cost - search.threshold
-        ):
+        if abs(off) > MOST_OFF and share >= most and best.cost < last.fit.cost - search.threshold:
             typical = score.candidate.typical[0]
             found.append(
                 SuspectParameter(

@@ -17,7 +17,7 @@ from flywheel.diagnosis.selection.candidates import candidates
 from flywheel.diagnosis.selection.other_forms import in_other_forms
 from flywheel.diagnosis.selection.score_test import ScoredModel
 from flywheel.diagnosis.selection.search import SHAKE, Search
-from flywheel.diagnosis.selection.stepwise import _as_built, _numbers_are_needed
+from flywheel.diagnosis.selection.stepwise import USUALLY_OFF, _as_built, _numbers_are_needed
 from flywheel.diagnosis.settings import AsBuiltSettings, FittingSettings
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS, Term, Terms, taken_apart
@@ -263,7 +263,7 @@ def alone_beside(
 
 def test_beside_another_effect_one_that_is_a_number_within_what_is_usual_is_none(begun):
     friction = Term(EFFECTS["capstan"], None, (0.1,))
-    usual = begun[0].settings.usually_off * AsBuiltSettings().stiffness
+    usual = USUALLY_OFF * AsBuiltSettings().stiffness
     assert alone_beside(begun, 0.9 * usual, (friction,), 0.0)
     assert not alone_beside(begun, 1.1 * usual, (friction,), 0.0)
     assert not alone_beside(begun, 0.9 * usual, (), 0.0)

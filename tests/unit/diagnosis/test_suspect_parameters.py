@@ -20,13 +20,14 @@ from flywheel.diagnosis.selection.suspect_parameters import (
     far_off_parameters,
     suspect_parameters,
 )
-from flywheel.diagnosis.settings import Limits, SelectionSettings
+from flywheel.diagnosis.settings import Limits
 from flywheel.dynamics.plant import Plant, PlantParameters
 from flywheel.effects import CALIBRATIONS, EFFECTS, Term, Terms
 from flywheel.reports.diagnosis_page import suspects
 from flywheel.robots import Robot, load_robot
 from tests.unit.diagnosis.conftest import recorded
 
+SUSPECTS = "flywheel.diagnosis.selection.suspect_parameters"
 pytestmark = pytest.mark.slow
 
 FEW = {"winch_gain": EFFECTS["winch_gain"]}  # which is unlike the numbers in any recording
@@ -121,8 +122,7 @@ def test_it_is_asked_in_the_time_steps_of_the_end(stiffer, monkeypatch):
         costs.append(fit.cost)
         return further_scores(fitter, fit, *rest)
 
-    path = "flywheel.diagnosis.selection.suspect_parameters.further_scores"
-    monkeypatch.setattr(path, observed)
+    monkeypatch.setattr(f"{SUSPECTS}.further_scores", observed)
     _scores(Search(finer, search.library, 25.0), model)
     assert costs == [pytest.approx(finer.with_terms(model.fit, model.fit.terms).cost, rel=1e-9)]
     assert costs[0] != pytest.approx(model.fit.cost, rel=1e-9)
@@ -137,10 +137,12 @@ def test_what_somebody_is_unsure_of_is_not_suspected_again(stiffer: Scored) -> N
     assert names == whole - {"cable_stiffness"}
 
 
-def test_a_number_that_would_have_to_be_far_off_is_not_suspected(stiffer: Scored) -> None:
+def test_a_number_that_would_have_to_be_far_off_is_not_suspected(
+    stiffer: Scored, monkeypatch
+) -> None:
     search, model = stiffer
-    strict = replace(search, settings=SelectionSettings(suspect_share=0.25 * OFF))
-    assert not named(strict, model, with_added(model))
+    monkeypatch.setattr(f"{SUSPECTS}.MOST_OFF", 0.25 * OFF)
+    assert not named(search, model, with_added(model))
 
 
 @pytest.mark.parametrize("times", [3.0, 8.0])
