@@ -7,7 +7,7 @@ measurement noise [sigma^2].
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any, TypeVar
 
@@ -264,9 +264,16 @@ class Setting:
     what: str
 
 
-def numbers(settings: Any) -> dict[str, Setting]:
+def numbers(settings: Any, prefix: str = "") -> dict[str, Setting]:
     """All single numbers of settings, by their paths: "selection.shortlist"."""
-    return dict(_numbers(settings))
+    found: dict[str, Setting] = {}
+    for field in fields(settings):
+        value, path = getattr(settings, field.name), f"{prefix}{field.name}"
+        if is_dataclass(value):
+            found |= numbers(value, f"{path}.")
+        elif isinstance(value, int | float):
+            found[path] = Setting(value, said_of(field.name, type(settings)))
+    return found
 
 
 def unusual(settings: Settings) -> dict[str, float]:
@@ -277,15 +284,6 @@ def unusual(settings: Settings) -> dict[str, float]:
         for path, setting in numbers(settings).items()
         if setting.value != usual[path].value
     }
-
-
-def _numbers(settings: Any, prefix: str = "") -> Iterator[tuple[str, Setting]]:
-    for field in fields(settings):
-        value, path = getattr(settings, field.name), f"{prefix}{field.name}"
-        if is_dataclass(value):
-            yield from _numbers(value, f"{path}.")
-        elif isinstance(value, int | float):
-            yield path, Setting(value, said_of(field.name, type(settings)))
 
 
 def changed(settings: S, changes: Mapping[str, float]) -> S:

@@ -54,8 +54,7 @@ def design(
     """
     from flywheel.cli.models import about_plant, opened
     from flywheel.data.recordings.commands import write_commands
-    from flywheel.diagnosis.experiments.design import Designer
-    from flywheel.diagnosis.selection.candidates import Rival
+    from flywheel.diagnosis.experiments.design import Designer, Rival
     from flywheel.diagnosis.settings import Settings, changed
     from flywheel.outputs import check_new, check_outputs
     from flywheel.reports.experiment_page import write_design

@@ -6,7 +6,7 @@ T-optimal design: Hunter and Reiner 1965, Atkinson and Fedorov 1975.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
@@ -21,13 +21,16 @@ from flywheel.diagnosis.experiments.information import (
     simulate_scripts,
 )
 from flywheel.diagnosis.fitting.windows import ChannelNoise
-from flywheel.diagnosis.selection.candidates import Candidate, Rival
+from flywheel.diagnosis.selection.candidates import AT, Candidate, candidates
 from flywheel.diagnosis.settings import Settings, unusual
 from flywheel.dynamics.plant import Motion, Plant
 from flywheel.dynamics.plant.tautness import taut_share
+from flywheel.effects import NAMED, Effect
 from flywheel.errors import DataError
 from flywheel.options import DesignOptions
 from flywheel.records import Floats
+from flywheel.registry import lookup
+from flywheel.robots import Robot
 
 ELITE = 6  # scripts that are varied
 WIDTHS = (0.3, 0.2, 0.12, 0.08)  # of the variations, round by round, as shares of the reach
@@ -165,6 +168,39 @@ class Tried:
     def best(self) -> float:
         """Largest separation."""
         return float(self.separation.max())
+
+
+@dataclass(frozen=True)
+class Rival:
+    """A possible effect, at one place or at any.
+
+    Attributes:
+      name: as given.
+      candidates: the effect at each possible place.
+    """
+
+    name: str
+    candidates: tuple[Candidate, ...]
+
+    @classmethod
+    def named(cls, name: str, robot: Robot, library: Mapping[str, Effect] = NAMED) -> Rival:
+        """From "effect", at any place, or "effect@place", at one.
+
+        Raises:
+          UnknownNameError: no such effect or place.
+          DataError: a place for an effect that has none.
+          RobotError: an effect that this robot cannot have.
+        """
+        effect, at, place = name.partition(AT)
+        named = lookup(library, effect, "effect")
+        named.require_place(robot)
+        found = candidates(robot, {effect: named})
+        if not at:
+            return cls(name, found)
+        at_places = {candidate.location: candidate for candidate in found if candidate.location}
+        if not at_places:
+            raise DataError(f"{effect} is of the whole robot: name it without {AT}{place}.")
+        return cls(name, (lookup(at_places, place, f"place of {effect}"),))
 
 
 class Designer:

@@ -129,11 +129,10 @@ def _likeness(
 ) -> tuple[tuple[Candidate, ...], Floats]:
     """The best candidates and the named ones, and the |cosine| between their changes."""
     test = model.test
-    place = {id(c): i for i, c in enumerate(test.candidates)}
     chosen, directions = [], []
     further = [s for s in model.scores[RIVALS:] if any(s.proposes(term) for term in named)]
     for score in (*model.scores[:RIVALS], *further):
-        columns = test.columns[:, test.slices[place[id(score.candidate)]][score.shape]]
+        columns = test.columns_of(score.candidate, score.shape)
         weights = np.array(score.sizes) if any(score.sizes) else np.ones(columns.shape[1])
         direction = columns @ weights
         norm = np.linalg.norm(direction)

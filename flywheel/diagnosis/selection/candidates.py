@@ -8,9 +8,7 @@ from itertools import product
 
 import numpy as np
 
-from flywheel.effects import NAMED, Effect, Scales, Term, Terms, parts_of, place_name
-from flywheel.errors import DataError
-from flywheel.registry import lookup
+from flywheel.effects import Effect, Scales, Term, Terms, parts_of, place_name
 from flywheel.robots import Robot
 
 AT = "@"  # between an effect and its place, where people name them
@@ -101,36 +99,3 @@ def places(terms: Terms) -> set[tuple[str, int | None]]:
 def families(terms: Terms) -> set[tuple[str, int | None]]:
     """Physical causes of candidate terms, and their places, by whatever law."""
     return {(term.effect.family, term.place) for term in terms if term.asked}
-
-
-@dataclass(frozen=True)
-class Rival:
-    """A possible effect, at one place or at any.
-
-    Attributes:
-      name: as given.
-      candidates: the effect at each possible place.
-    """
-
-    name: str
-    candidates: tuple[Candidate, ...]
-
-    @classmethod
-    def named(cls, name: str, robot: Robot, library: Mapping[str, Effect] = NAMED) -> Rival:
-        """From "effect", at any place, or "effect@place", at one.
-
-        Raises:
-          UnknownNameError: no such effect or place.
-          DataError: a place for an effect that has none.
-          RobotError: an effect that this robot cannot have.
-        """
-        effect, at, place = name.partition(AT)
-        named = lookup(library, effect, "effect")
-        named.require_place(robot)
-        found = candidates(robot, {effect: named})
-        if not at:
-            return cls(name, found)
-        at_places = {candidate.location: candidate for candidate in found if candidate.location}
-        if not at_places:
-            raise DataError(f"{effect} is of the whole robot: name it without {AT}{place}.")
-        return cls(name, (lookup(at_places, place, f"place of {effect}"),))

@@ -12,11 +12,16 @@ from itertools import combinations
 import numpy as np
 
 from flywheel.diagnosis.selection.candidates import at_parts
-from flywheel.diagnosis.selection.score_test import Score, ScoredModel, ScoreTest, further_scores
+from flywheel.diagnosis.selection.score_test import (
+    Score,
+    ScoredModel,
+    ScoreTest,
+    further_scores,
+    solved,
+)
 from flywheel.diagnosis.selection.screening import screened
 from flywheel.diagnosis.selection.search import Search
 from flywheel.effects import Terms
-from flywheel.records import Floats
 
 PAIRS = 25  # best candidates that are scored two at a time
 SINGULAR = 1e6  # condition number of two effects that cannot be distinguished
@@ -70,30 +75,20 @@ def promising_pairs(test: ScoreTest, scores: Sequence[Score], more: float) -> li
       more: ratio to the explanation by the best one.
     """
     gram, right = test.columns.T @ test.columns, test.columns.T @ test.residual
-    index = {score.candidate: i for i, score in enumerate(test.scores())}
+    every = np.arange(len(right))
     found: list[tuple[float, Terms]] = []
     for pair in combinations(scores, 2):
-        columns = [
-            np.arange(test.columns.shape[1])[test.slices[index[s.candidate]][s.shape]] for s in pair
-        ]
-        both = np.concatenate(columns)
+        places = [every[test.slices[test.candidates.index(s.candidate)][s.shape]] for s in pair]
+        both = np.concatenate(places)
         a, b = gram[np.ix_(both, both)], right[both]
         if np.linalg.cond(a) > SINGULAR:
             continue
-        sizes = np.linalg.solve(a, b)
-        parts = np.split(sizes, [len(columns[0])])
-        if not all(_allowed(s, part) for s, part in zip(pair, parts, strict=True)):
-            continue
+        sizes, explained = solved(a, b, [p for s in pair for p in s.candidate.effect.sizes])
+        parts = np.split(sizes, [len(places[0])])
         terms = tuple(
             s.candidate.term(tuple(part), s.shape) for s, part in zip(pair, parts, strict=True)
         )
-        found.append((float(b @ sizes), terms))
+        found.append((explained, terms))
     least = more * scores[0].statistic + test.threshold
     found.sort(key=lambda each: -each[0])
     return [terms for explained, terms in found[:1] if explained > least]
-
-
-def _allowed(score: Score, sizes: Floats) -> bool:
-    """Sizes that cannot be negative are not."""
-    parameters = score.candidate.effect.sizes
-    return all(s >= 0 or not p.one_sided for s, p in zip(sizes, parameters, strict=True))

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -17,25 +18,13 @@ from flywheel.diagnosis.fitting.least_squares import Fit, Fitter, Jacobian, loca
 from flywheel.diagnosis.selection.candidates import Candidate
 from flywheel.diagnosis.settings import Limits
 from flywheel.diagnosis.statistics import POWER, chance
-from flywheel.effects import Term
+from flywheel.effects import Parameter, Term
 from flywheel.records import Floats
 
 DEAD = 1e-6  # a sensitivity below this many sigmas means that the knob is not connected
 # Change of some window by a typical size [sigma], above which this part of it is tried, too: a rolling robot
 # soon rolls elsewhere.
 LARGE, PART = 1.0, 0.1
-
-
-@dataclass(frozen=True)
-class Prior:
-    """Prior of a fitted value, around zero, and its fitted value.
-
-    Attributes:
-      value, deviation: in one unit; the deviation is infinite without a prior.
-    """
-
-    value: float
-    deviation: float
 
 
 @dataclass(frozen=True)
@@ -184,8 +173,6 @@ class ScoreTest:
       residual: (N,).
       columns: (N, n) of every size of every shape of every candidate, in `unit_terms` order.
       shorter: (n,) bool, True for changes by `PART` of a typical size.
-      slices: candidate -> shape -> its columns.
-      noise: variance of the residual per degree of freedom.
       freedom: degrees of freedom of the residual.
       projection: in use.
       whole: the same without quantities that have a prior, with every window in full.
@@ -198,14 +185,22 @@ class ScoreTest:
     residual: Floats
     columns: Floats
     shorter: np.ndarray
-    slices: tuple[tuple[slice, ...], ...]
-    noise: float
     freedom: float
     projection: Projection
     whole: Projection
     left: Floats
     left_freedom: float
     threshold: float
+
+    @cached_property
+    def slices(self) -> tuple[tuple[slice, ...], ...]:
+        """Candidate -> shape -> its columns."""
+        return slices_of(self.candidates)
+
+    @cached_property
+    def noise(self) -> float:
+        """Variance of the residual per degree of freedom."""
+        return float(self.residual @ self.residual) / max(self.freedom, 1.0)
 
     @property
     def left_noise(self) -> float:
@@ -221,13 +216,15 @@ class ScoreTest:
     def at(self, residual: Floats) -> ScoreTest:
         """The same sensitivities with residuals (K, D) of another fit nearby, without values with a prior."""
         own, left = (each(residual[..., None])[:, 0] for each in (self.projection, self.whole))
-        noise = float(own @ own) / max(self.freedom, 1.0)
-        return replace(self, residual=own, noise=noise, left=left)
+        return replace(self, residual=own, left=left)
 
-    def scores(self, residual: Floats | None = None) -> list[Score]:
-        """The score of every candidate, in order; for another residual if one is given."""
-        r = self.residual if residual is None else residual
-        gram, right = self.columns.T @ self.columns, self.columns.T @ r
+    def columns_of(self, candidate: Candidate, shape: int) -> Floats:
+        """(N, d) of every size of a candidate of this shape."""
+        return self.columns[:, self.slices[self.candidates.index(candidate)][shape]]
+
+    def scores(self) -> list[Score]:
+        """The score of every candidate, in order."""
+        gram, right = self.columns.T @ self.columns, self.columns.T @ self.residual
         return [
             self._score(index, candidate, gram, right)
             for index, candidate in enumerate(self.candidates)
@@ -237,7 +234,7 @@ class ScoreTest:
         tried = []
         for shape, columns in enumerate(self.slices[index]):
             a, b = gram[columns, columns], right[columns]
-            sizes, statistic = _solved(a, b, candidate)
+            sizes, statistic = solved(a, b, candidate.effect.sizes)
             tried.append((statistic, shape, sizes, a))
         statistic, shape, sizes, a = max(tried, key=lambda each: each[0])
         inverse = np.linalg.pinv(a)
@@ -326,13 +323,17 @@ def slices_of(library: Sequence[Candidate]) -> tuple[tuple[slice, ...], ...]:
     return tuple(slices)
 
 
-def _solved(a: Floats, b: Floats, candidate: Candidate) -> tuple[Floats, float]:
-    """Sizes that explain the most, and their explanation; a size that cannot be negative is set to zero."""
+def solved(a: Floats, b: Floats, parameters: Sequence[Parameter]) -> tuple[Floats, float]:
+    """Sizes that explain the most, and their explanation; none if one of them cannot be negative.
+
+    Args:
+      a, b: (d, d), (d,) products of sensitivities with each other, and with the residual.
+      parameters: of the sizes.
+    """
     if np.linalg.eigvalsh(a)[0] < DEAD**2:
         return np.zeros(len(b)), 0.0
     sizes = np.linalg.solve(a, b)
-    one_sided = np.array([parameter.one_sided for parameter in candidate.effect.sizes])
-    if (sizes[one_sided] < 0).any():
+    if any(size < 0 and each.one_sided for size, each in zip(sizes, parameters, strict=True)):
         return np.zeros(len(b)), 0.0
     return sizes, float(b @ sizes)
 
@@ -362,20 +363,15 @@ def sensitivities(
         return found, taken
     again = [library[i] for i in large]
     shorter = projection(secants(fitter, fit, again, PART))
-    for candidate, whole, part in zip(
-        again, (slices[i] for i in large), slices_of(again), strict=True
-    ):
-        for own, other in zip(whole, part, strict=True):
-            if _promise(shorter[:, other], residual, candidate) > _promise(
-                found[:, own], residual, candidate
-            ):
+    for index, part in zip(large, slices_of(again), strict=True):
+        for own, other in zip(slices[index], part, strict=True):
+            by_whole, by_part = (
+                solved(each.T @ each, each.T @ residual, library[index].effect.sizes)[1]
+                for each in (found[:, own], shorter[:, other])
+            )
+            if by_part > by_whole:
                 found[:, own], taken[own] = shorter[:, other], True
     return found, taken
-
-
-def _promise(columns: Floats, residual: Floats, candidate: Candidate) -> float:
-    """Part of a residual (N,) explained by sizes with these sensitivities (N, d)."""
-    return _solved(columns.T @ columns, columns.T @ residual, candidate)[1]
 
 
 def score_test(
@@ -384,7 +380,7 @@ def score_test(
     library: Sequence[Candidate],
     known: Floats | None = None,
     jacobian: Jacobian | None = None,
-    prior: Sequence[Prior] = (),
+    prior: Sequence[tuple[float, float]] = (),
     threshold: float = Limits().threshold,
 ) -> ScoreTest:
     """Test candidates on top of a fit.
@@ -394,7 +390,8 @@ def score_test(
       library: candidates.
       known: (K, D, n) sensitivities of fitted sizes, to be projected out.
       jacobian: of the fit, if available.
-      prior: of the last of the `known` sizes.
+      prior: of the last of the `known` sizes: fitted value, and standard deviation around zero, infinite
+        without one.
       threshold: score from which an effect counts as visible.
     """
     jacobian = jacobian or fitter.jacobian(fit)
@@ -405,28 +402,22 @@ def score_test(
         float(np.median(mean[tells] if tells.any() else mean)), 1e-9
     )  # 0 where all diverged
     weights = 1.0 / np.sqrt(np.maximum(1.0, mean / usual))
-    count = 0 if known is None else known.shape[2]
-    deviations = np.full(count, np.inf)
-    deviations[count - len(prior) :] = [each.deviation for each in prior]
+    known = np.zeros((*fit.residual.shape, 0)) if known is None else known
+    values, last = np.reshape(prior, (-1, 2)).T
+    before = known.shape[2] - len(prior)
+    deviations = np.concatenate([np.full(before, np.inf), last])
     projection = Projection.of(fitter, jacobian, known, weights, deviations)
     full = Projection.of(fitter, jacobian, known, np.ones(len(mean)), deviations)
-    off = fit.residual
-    if known is not None and len(prior):
-        # Of what something is known the residual without it is asked: what is known tells how much it is.
-        values = [each.value if np.isfinite(each.deviation) else 0.0 for each in prior]
-        off = off + known[..., count - len(prior) :] @ np.array(values)
+    # Of what something is known the residual without it is asked: what is known tells how much it is.
+    off = fit.residual + known[..., before:] @ np.where(np.isfinite(last), values, 0.0)
     residual = projection(off[..., None])[:, 0]
-    freedom = fitter.freedom - float((projection.shares == 1.0).sum())
-    noise = float(residual @ residual) / max(freedom, 1.0)
     columns, shorter = sensitivities(fitter, fit, library, projection, residual)
     return ScoreTest(
         candidates=tuple(library),
         residual=residual,
         columns=columns,
         shorter=shorter,
-        slices=slices_of(library),
-        noise=noise,
-        freedom=freedom,
+        freedom=fitter.freedom - float((projection.shares == 1.0).sum()),
         projection=projection,
         whole=full.unknown,
         left=full.unknown(fit.residual[..., None])[:, 0],
@@ -440,7 +431,4 @@ def further_scores(
 ) -> list[Score]:
     """Scores of other candidates on top of the fit of a test, in order."""
     columns, shorter = sensitivities(fitter, fit, library, test.projection, test.residual)
-    other = replace(
-        test, candidates=tuple(library), columns=columns, shorter=shorter, slices=slices_of(library)
-    )
-    return other.scores()
+    return replace(test, candidates=tuple(library), columns=columns, shorter=shorter).scores()

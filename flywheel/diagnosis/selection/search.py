@@ -16,7 +16,6 @@ from flywheel.diagnosis.selection.candidates import Candidate, places
 from flywheel.diagnosis.selection.criterion import Promise, criterion, promised
 from flywheel.diagnosis.selection.score_test import (
     Linearised,
-    Prior,
     Score,
     ScoredModel,
     score_test,
@@ -78,7 +77,7 @@ class Search:
         numerics = fitter.step_error(fit)
         known = numerics if by_value is None else np.concatenate([numerics, by_value], axis=2)
         everything = (*self.library, *self.probes)
-        prior = [Prior(f.value(fit.terms), f.prior) for f in fitter.free(fit.terms)]
+        prior = [(f.value(fit.terms), f.prior) for f in fitter.free(fit.terms)]
         jacobian = model.jacobian
         test = score_test(fitter, fit, everything, known, jacobian, prior, self.threshold)
         self.heartbeat(f"scored {len(self.library)} candidates on top of {len(fit.terms)} effects")

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from flywheel.diagnosis.experiments.command_scripts import FAMILIES, WinchRange, varied
-from flywheel.diagnosis.experiments.design import Design, Designer
+from flywheel.diagnosis.experiments.design import Design, Designer, Rival
 from flywheel.diagnosis.experiments.information import information_of, simulate_scripts
 from flywheel.diagnosis.fitting.windows import ChannelNoise
-from flywheel.diagnosis.selection.candidates import Rival
 from flywheel.diagnosis.settings import Settings, changed
 from flywheel.dynamics.plant import Plant
 from flywheel.errors import DataError, UnknownNameError

@@ -14,7 +14,6 @@ from flywheel.diagnosis.selection.candidates import Candidate, candidates
 from flywheel.diagnosis.selection.score_test import (
     LARGE,
     PART,
-    Prior,
     Projection,
     ScoredModel,
     ScoreTest,
@@ -273,7 +272,7 @@ def test_a_score_does_not_depend_on_what_known_values_were_fitted_to(case: Case)
     scores = []
     for share in (0.0, 1.0):
         fit = replace(case.fit, residual=before - share * known @ values)
-        prior = [Prior(float(share * value), 0.5) for value in values]
+        prior = [(float(share * value), 0.5) for value in values]
         test = replace(case, fit=fit).test(known=known, prior=prior)
         scores.append([(s.score, s.sizes) for s in test.scores()])
     for (one, sizes), (other, others) in zip(*scores, strict=True):
@@ -315,7 +314,11 @@ def test_of_several_shapes_the_one_that_explains_most_counts(case: Case) -> None
     test = case.test()
     for shape in range(len(case.library[creep].shapes)):
         planted = test.columns[:, test.slices[creep][shape]] @ [30.0]
-        (found,) = (s for s in test.scores(planted) if s.candidate is case.library[creep])
+        (found,) = (
+            s
+            for s in replace(test, residual=planted).scores()
+            if s.candidate is case.library[creep]
+        )
         assert (found.shape, found.sizes) == (shape, pytest.approx((30.0,)))
 
 
@@ -327,7 +330,7 @@ def test_a_size_that_cannot_be_negative_explains_nothing_in_its_place(case, size
         if len(candidate.shapes) > 1:  # of which another may go the other way
             continue
         planted = test.columns[:, test.slices[index][0]][:, 0] * size
-        found = test.scores(planted)[index]
+        found = replace(test, residual=planted).scores()[index]
         if one_sided and size < 0:
             assert found.statistic == 0.0 and set(found.sizes) == {0.0}
         else:
@@ -336,8 +339,10 @@ def test_a_size_that_cannot_be_negative_explains_nothing_in_its_place(case, size
 
 def test_a_noisy_recording_makes_scores_smaller_and_errors_larger(case: Case) -> None:
     """Four times the noise: half as sure, a quarter of the score. Less than was said changes nothing."""
+    test = case.test()
     quiet, usual, loud = (
-        replace(case.test(), noise=noise).scores()[2] for noise in (0.1, 1.0, 4.0)
+        replace(test, freedom=test.residual @ test.residual / noise).scores()[2]
+        for noise in (0.1, 1.0, 4.0)
     )
     assert loud.score == pytest.approx(usual.score / 4)
     assert loud.errors == pytest.approx(np.multiply(usual.errors, 2))

@@ -168,7 +168,8 @@ def test_a_further_effect_promises_more_than_a_stuck_fit_may_win_by_chance(
     statistic = float(np.random.default_rng(seed).uniform(30.0, 90.0))
     score = replace(model.scores[0], statistic=statistic)
     left = statistic * (11.0 if stuck else 9.0)
-    test = replace(model.test, noise=0.99)  # nothing is left, says the linearisation
+    quiet = model.test.residual * np.sqrt(0.99 / model.test.noise)
+    test = replace(model.test, residual=quiet)  # nothing is left, says the linearisation
     fit = replace(model.fit, cost=test.freedom + left)
     promising = replace(model, fit=fit, test=test, scores=(score,))
     assert promising.promises(SELECTION.least_share, SELECTION.by_chance) is not stuck, seed
