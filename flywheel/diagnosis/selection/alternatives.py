@@ -132,8 +132,7 @@ def _in_place(
         twin = next((each for each in twins if each is not None), None)
         if twin is not None or only_twins:
             return twin
-        other = score.candidate.term(score.sizes, score.shape)
-        terms = (*others, alike(other, term, search.fitter.windows.robot))
+        terms = (*others, alike(score.term, term, search.fitter.windows.robot))
         begun = search.fitter.with_terms(last, terms)
         most = search.fitter.settings.stopping.rounds if probed(terms) else None
         fit = search.fit_until(begun, limit, most)

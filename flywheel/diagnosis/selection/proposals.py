@@ -40,7 +40,7 @@ def proposals(search: Search, model: ScoredModel, room: int) -> list[Terms]:
     one = search.shortlist(model)
     further = partial(screened, search, model, tuple(one))
     one += spared(partial(promising_forms, search, model), list[Score](), "effects at one part")
-    found: list[Terms] = [(each.candidate.term(each.sizes, each.shape),) for each in one]
+    found: list[Terms] = [(each.term,) for each in one]
     found += spared(further, list[Terms](), "effects at the first estimates")
     if room > 1:
         two = partial(promising_pairs, model.test, model.scores[:PAIRS], search.settings.more)

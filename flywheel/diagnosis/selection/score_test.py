@@ -146,7 +146,6 @@ class Score:
       score: the statistic over the noise, for several sizes that of one size of the same
         significance (`chance`), to compare with the test's threshold.
       sizes: one-step estimates, in multiples of the typical sizes.
-      errors: their standard deviations.
       smallest: size visible in these data (95 %), in multiples of the typical one.
     """
 
@@ -155,8 +154,12 @@ class Score:
     statistic: float
     score: float
     sizes: tuple[float, ...]
-    errors: tuple[float, ...]
     smallest: float
+
+    @property
+    def term(self) -> Term:
+        """The effect with these sizes."""
+        return self.candidate.term(self.sizes, self.shape)
 
     def proposes(self, term: Term) -> bool:
         """True for the effect of a term, at its place."""
@@ -237,7 +240,6 @@ class ScoreTest:
             sizes, statistic = solved(a, b, candidate.effect.sizes)
             tried.append((statistic, shape, sizes, a))
         statistic, shape, sizes, a = max(tried, key=lambda each: each[0])
-        inverse = np.linalg.pinv(a)
         noise = max(self.noise, 1.0)
         return Score(
             candidate,
@@ -245,7 +247,6 @@ class ScoreTest:
             statistic,
             statistic / chance(len(sizes), self.threshold) / noise,
             tuple(sizes),
-            tuple(np.sqrt(noise * np.diag(inverse).clip(min=0.0))),  # below by rounding only
             smallest_shown(a, self.threshold, noise),
         )
 

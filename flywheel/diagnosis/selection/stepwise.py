@@ -173,9 +173,8 @@ def _as_given(
     while (missing := alone.criterion(model.fit) - limit) >= 0.0:
         if room < 1 or not _may_make_good(alone, model, limit):
             return None
-        best = model.scores[0]
-        term = best.candidate.term(best.sizes, best.shape)
-        more = alone.fit_until(alone.warm_start(model, (*model.fit.terms, term)))
+        begun = alone.warm_start(model, (*model.fit.terms, model.scores[0].term))
+        more = alone.fit_until(begun)
         if alone.criterion(model.fit) - alone.criterion(more) < search.settings.share * missing:
             return None
         model, room = alone.score_all(more), room - 1
@@ -218,9 +217,8 @@ def _as_built(search: Search, model: ScoredModel) -> ScoredModel | None:
     promise = search.promised_as_built(model, max(search.threshold, more * best))
     if promise is None:
         return None
-    short = search.shortlist(model)
-    terms = (score.candidate.term(score.sizes, score.shape) for score in short)
-    uneven = (promised_per_part(search, model, model.fit.terms, term) for term in terms)
+    short, terms = search.shortlist(model), model.fit.terms
+    uneven = (promised_per_part(search, model, terms, score.term) for score in short)
     if any(each and promise.explained < more * each.explained for each in uneven):
         return None
     # Effects of no size change nothing in the Jacobian.

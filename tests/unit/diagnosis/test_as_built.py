@@ -187,7 +187,7 @@ def test_numbers_are_doubted_that_explain_less_than_noise_seldom_does(
 def test_an_effect_in_the_place_of_another_is_exchanged(begun: tuple[Search, ScoredModel]) -> None:
     search, model = begun
     friction = next(s for s in model.scores if s.candidate.label == "cable_friction")
-    term = friction.candidate.term(friction.sizes, friction.shape)
+    term = friction.term
     fit = search.fitter.with_terms(model.fit, (*model.fit.terms, term))
     wrong = search.score_all(search.fit_until(fit))
     right = in_other_forms(search, model, wrong, model.scores).fit
@@ -220,7 +220,7 @@ def test_a_fit_that_is_stuck_goes_on_from_beside_itself(begun, monkeypatch):
 def with_effect(search: Search, model: ScoredModel, name: str) -> Fit:
     """A model and an effect as large as its score says, before anything is fitted."""
     score = next(s for s in model.scores if s.candidate.label == name)
-    term = score.candidate.term(score.sizes, score.shape)
+    term = score.term
     return search.fitter.with_terms(model.fit, (*model.fit.terms, term))
 
 

@@ -52,7 +52,7 @@ def asked(
         )
 
     ranking = [
-        Score(candidate, 0, 1.0, 1.0, (1.0,), (0.1,), size)
+        Score(candidate, 0, 1.0, 1.0, (1.0,), size)
         for candidate, size in zip(library.values(), smallest, strict=True)
     ]
     seen = evidence(list(library.values()), np.eye(len(NAMES)) if likeness is None else likeness)
