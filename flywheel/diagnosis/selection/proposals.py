@@ -75,8 +75,8 @@ def promising_pairs(test: ScoreTest, scores: Sequence[Score], more: float) -> li
       more: ratio to the explanation by the best one.
     """
     gram, right = test.columns.T @ test.columns, test.columns.T @ test.residual
-    every = np.arange(len(right))
-    found: list[tuple[float, Terms]] = []
+    every, best = np.arange(len(right)), more * scores[0].statistic + test.threshold
+    found: list[Terms] = []
     for pair in combinations(scores, 2):
         places = [every[test.slices[test.candidates.index(s.candidate)][s.shape]] for s in pair]
         both = np.concatenate(places)
@@ -84,11 +84,7 @@ def promising_pairs(test: ScoreTest, scores: Sequence[Score], more: float) -> li
         if np.linalg.cond(a) > SINGULAR:
             continue
         sizes, explained = solved(a, b, [p for s in pair for p in s.candidate.effect.sizes])
-        parts = np.split(sizes, [len(places[0])])
-        terms = tuple(
-            s.candidate.term(tuple(part), s.shape) for s, part in zip(pair, parts, strict=True)
-        )
-        found.append((explained, terms))
-    least = more * scores[0].statistic + test.threshold
-    found.sort(key=lambda each: -each[0])
-    return [terms for explained, terms in found[:1] if explained > least]
+        if explained > best:
+            parts = zip(pair, np.split(sizes, [len(places[0])]), strict=True)
+            best, found = explained, [tuple(s.candidate.term(tuple(p), s.shape) for s, p in parts)]
+    return found

@@ -76,11 +76,8 @@ def suspect_parameters(
             explained = max(explained, model.fit.cost - after.fit.cost)
         for score in _scores(search, model):
             name, off = score.candidate.effect.name, score.sizes[0] * score.candidate.typical[0]
-            seen = (
-                score.score >= search.threshold
-                and score.statistic >= search.settings.rival * explained
-            )
-            if seen and abs(off) <= MOST_OFF and name not in found:
+            near = score.statistic >= search.settings.rival * explained and abs(off) <= MOST_OFF
+            if score.score >= search.threshold and near and name not in found:
                 instead = "" if after is None else _added(search, model, after)
                 more = score.statistic > explained
                 found[name] = SuspectParameter(name, float(off), score.score, instead, more)
@@ -100,27 +97,22 @@ def far_off_parameters(
       search, models: that led to an answer that leaves something.
       most: smallest share of the error beyond noise that such a number explains.
     """
-    fitter = search.fitter
-    begun, last = models[0], models[-1]
+    fitter, begun, last = search.fitter, models[0], models[-1]
     fit = fitter.with_terms(begun.fit, begun.fit.terms)
+    instead = _added(search, begun, last) if len(models) > 1 else ""
     found = []
     for score in _scores(search, begun, also_candidates=True):
         best = _fitted_alone(search, replace(begun, fit=fit), score)
-        term = best.terms[len(fit.terms)]
-        off, (size,) = term.values[0], term.effect.sizes
+        number, *dampings = best.terms[len(fit.terms) :]
         share = (fit.cost - best.cost) / max(fit.cost - fitter.freedom, 1.0)
-        if abs(off) > MOST_OFF and share >= most and best.cost < last.fit.cost - search.threshold:
-            typical = score.candidate.typical[0]
+        explains = share >= most and best.cost < last.fit.cost - search.threshold
+        off, (size,), (typical,) = number.values[0], number.effect.sizes, score.candidate.typical
+        if abs(off) > MOST_OFF and explains:
+            damping = sum(each.values[0] for each in dampings)
+            at_bound = not NEAR * size.low * typical < off < NEAR * size.high * typical
             found.append(
                 SuspectParameter(
-                    name=score.candidate.effect.name,
-                    off=off,
-                    score=score.score,
-                    instead=_added(search, begun, last) if len(models) > 1 else "",
-                    more=True,
-                    explained=share,
-                    damping=sum(each.values[0] for each in best.terms[len(fit.terms) + 1 :]),
-                    at_bound=not NEAR * size.low * typical < off < NEAR * size.high * typical,
+                    number.effect.name, off, score.score, instead, True, share, damping, at_bound
                 )
             )
     # One that stopped at its bound explains by a value that nobody knows.
@@ -158,7 +150,5 @@ def _scores(search: Search, model: ScoredModel, also_candidates: bool = False) -
     numbers = candidates(fitter.windows.robot, library)
     if not numbers:
         return []
-    fit = fitter.with_terms(
-        model.fit, model.fit.terms
-    )  # in the time steps that the fitter has by now
+    fit = fitter.with_terms(model.fit, model.fit.terms)  # in the fitter's present time steps
     return further_scores(fitter, fit, model.test, numbers)
