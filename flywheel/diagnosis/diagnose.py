@@ -304,7 +304,7 @@ def _suspects(
 
 def _sizes(fit: Fit) -> str:
     names = ", ".join(term.effect.name for term in fit.terms if term.asked)
-    return f"how sure sizes of {names} are"
+    return f"judging the answer: how sure sizes of {names} are"
 
 
 def _discrepancy(

@@ -160,8 +160,11 @@ class Heartbeat:
     def each(
         self, compute: Callable[[S], T | None], parts: Iterable[S], what: Callable[[S], str]
     ) -> list[T]:
-        """The results of the successful parts of many."""
-        found = [self.spared(partial(compute, part), None, what(part)) for part in parts]
+        """The results of the successful parts of many, each of which is a step to report."""
+        found = []
+        for part in parts:
+            self(what(part))
+            found.append(self.spared(partial(compute, part), None, what(part)))
         return [result for result in found if result is not None]
 
     def _tried(

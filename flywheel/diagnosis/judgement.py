@@ -141,7 +141,7 @@ def without_unsure_effects(searched: Searched, judged: Judged) -> Judged:
         if not unsure:
             break
         weakest = min(unsure, key=lambda each: each.certainty)
-        fit = search.without_term(judged.models[-1].fit, weakest.term)
+        fit = search.fit_until(search.begun_without(judged.models[-1].fit, weakest.term))
         judged = judge(searched, [*_before(judged.models, fit), search.score_all(fit)])
     return judged
 

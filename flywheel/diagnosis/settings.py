@@ -136,22 +136,6 @@ class AsBuiltSettings:
 
 
 @dataclass(frozen=True)
-class NetworkSettings:
-    """The own errors of a trained model.
-
-    Attributes:
-      draws: of nearby initial states; half make the covariance, half test it.
-      place, speed: standard deviations of these states, in natural units.
-      quantile: of its own errors that a network's residual must exceed.
-    """
-
-    draws: int = 96
-    place: float = 0.01
-    speed: float = 0.03
-    quantile: float = 0.95
-
-
-@dataclass(frozen=True)
 class FittingSettings:
     """Settings of one fit.
 
@@ -167,7 +151,6 @@ class FittingSettings:
     stopping: FitStoppingSettings = FitStoppingSettings()
     refinement: RefinementSettings = RefinementSettings()
     as_built: AsBuiltSettings = AsBuiltSettings()
-    network: NetworkSettings = NetworkSettings()
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from flywheel.records import Floats
 
 # Smallest share of a window in the information on a size, below which it is ignored.
 LEAST_TOLD = 1e-3
+QUANTILE = 0.95  # of a model's own errors that its residual must exceed
 # Ratio to the mean square of an unfitted start, above which a window's fit has not converged.
 ASTRAY = 4.0
 
@@ -75,8 +76,7 @@ def own_errors(fitter: Fitter, test: ScoreTest) -> OwnErrors | None:
         loud = float(there.left @ there.left) / max(test.freedom, 1.0)
         correlation = sample_correlation(there.left, fitter.windows.measured.shape)
         found.append((best, loud, correlation, loudest(there.left, noisy, test.freedom)))
-    quantile = fitter.settings.network.quantile
-    return OwnErrors(*np.quantile(found, quantile, axis=0).tolist())
+    return OwnErrors(*np.quantile(found, QUANTILE, axis=0).tolist())
 
 
 def adequacy(fitter: Fitter, fit: Fit, test: ScoreTest, by_value: Floats | None) -> Adequacy:

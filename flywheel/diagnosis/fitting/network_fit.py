@@ -33,6 +33,10 @@ from flywheel.effects import Terms
 from flywheel.errors import ModelError
 from flywheel.records import Floats, Observation, Past
 
+# Nearby initial states: half make the covariance of the network's own errors, half test it; and the standard
+# deviations of their poses and velocities, in natural units.
+DRAWS, PLACE, SPEED = 96, 0.01, 0.03
+
 
 class NetworkFitter(Fitter):
     """Fits terms to a network's residual in windows.
@@ -170,14 +174,13 @@ class NetworkFitter(Fitter):
 
     def _drawn(self, rng: np.random.Generator) -> tuple[Floats, Floats]:
         """(K, D, draws / 2) errors that define the network's own covariance, and as many with noise."""
-        world, windows, settings = self._world, self._past, self.settings.network
-        draws, (count, size) = settings.draws, self._around.shape
-        spread = np.repeat([settings.place, settings.speed], size // 2)
-        shaken = self._around + spread * rng.normal(size=(draws, count, size))
-        members = np.tile(np.arange(count), draws)
+        world, windows, (count, size) = self._world, self._past, self._around.shape
+        spread = np.repeat([PLACE, SPEED], size // 2)
+        shaken = self._around + spread * rng.normal(size=(DRAWS, count, size))
+        members = np.tile(np.arange(count), DRAWS)
         states = world.simulator.moved(world.first[members], shaken.reshape(-1, size))
         points = world.simulator.parallel(states, self._carried, self._terms, members)
-        points = points.reshape(draws, count, *points.shape[1:])
+        points = points.reshape(DRAWS, count, *points.shape[1:])
         points = points[np.isfinite(points).all(axis=(1, 2, 3, 4))]
         seen = points + windows.sigma * windows.noisy * rng.normal(size=points.shape)
         missing = np.isnan(windows.measured)

@@ -54,10 +54,9 @@ def exchanged(
     from them, too.
 
     Args:
-      search: of the models.
-      models: of the search; the last one is meant.
+      search, models: so far.
       margin: difference of the criteria up to which a model is as good.
-      only_twins: only fit those that predict the same with the same values.
+      only_twins: fit only those that predict the same with the same values.
     """
     last = models[-1].fit
     found: list[Fit] = []
@@ -93,10 +92,8 @@ def model_without(
     """A fit without some of its terms: one of the known models, if possible.
 
     Args:
-      search: of the models.
-      known: models.
-      fit: with the terms.
-      terms: to be left out.
+      search, known: so far.
+      fit, terms: the fit with the terms, and those.
       target: criterion from which on the model would be as good. One that was abandoned when it was clearly
         not the best is fitted further for it: to its end; or, with numbers of a robot as built, whose fits
         take a minute, until it clearly stays above the target. None for a model as far as it was fitted.

@@ -119,14 +119,8 @@ class Misspecification:
 
     def summary(self) -> dict[str, Any]:
         """In JSON form."""
-        gain = self.gain if self.instead else None
-        return {
-            "law": self.name,
-            "score": self.score,
-            "share": self.share,
-            "instead": self.instead,
-            "gain": gain,
-        }
+        known = {"law": self.name, "score": self.score, "share": self.share}
+        return {**known, "instead": self.instead, "gain": self.gain if self.instead else None}
 
 
 NONE = Misspecification()

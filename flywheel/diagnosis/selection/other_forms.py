@@ -42,11 +42,7 @@ def in_other_forms(
 ) -> ScoredModel:
     """A model whose new effect has the form that explains clearly more than the others, if any does.
 
-    Args:
-      search: that added the effect.
-      before: the model without it.
-      model: the model with it.
-      rivals: further effects that may be the right one if sizes differ from part to part.
+    The rivals are further effects that may be the right one if sizes differ from part to part.
     """
     had = {family for family, _ in families(before.fit.terms)}
     new = {family for family, _ in families(model.fit.terms)}
@@ -63,7 +59,7 @@ def _in_best_form(
     heartbeat, term = search.heartbeat, _of_family(model.fit, family)
     tried = partial(_fitted_in_place, search, model.fit, term)
     others = _others_in_place(search, model, term, rivals)
-    even = heartbeat.each(tried, others, lambda each: f"{each.label} in place of {family}")
+    even = heartbeat.each(tried, others, lambda each: f"fitting {each.label} in place of {family}")
     form = min((model.fit, *even), key=search.criterion)
     if form is not model.fit:
         model, family = search.score_all(search.settled(form)), form.terms[-1].effect.family
@@ -74,9 +70,14 @@ def _in_best_form(
     if uneven is None:
         return model
     same = partial(_rival_per_part, search, uneven)
-    forms = [uneven, *heartbeat.each(same, rivals, lambda each: f"{each.candidate.label} per part")]
+    forms = [
+        uneven,
+        *heartbeat.each(same, rivals, lambda each: f"fitting {each.candidate.label} per part"),
+    ]
     alone = partial(_at_one_part, search)
-    forms += heartbeat.each(alone, forms, lambda each: f"{each.terms[-1].effect.name} at one part")
+    forms += heartbeat.each(
+        alone, forms, lambda each: f"fitting {each.terms[-1].effect.name} at one part"
+    )
     best = min(forms, key=search.criterion)
     gained = search.criterion(model.fit) - search.criterion(best)
     return model if gained <= search.threshold else search.score_all(search.settled(best))
@@ -111,7 +112,6 @@ def _others_in_place(
 
 def _fitted_in_place(search: Search, fit: Fit, term: Term, candidate: Candidate) -> Fit:
     """A fit with a candidate in place of a term, fitted as long as it may become better."""
-    search.heartbeat(f"fitting {candidate.label} in place of {term.effect.name}")
     begun = search.fitter.with_terms(fit, _exchanged(search, fit, term, candidate))
     return search.fit_until(begun, search.criterion(fit))
 
@@ -137,7 +137,6 @@ def _at_one_part(search: Search, fit: Fit) -> Fit | None:
     alone, share = at_largest_part(term)
     if share < ALONE:
         return None
-    search.heartbeat(f"fitting {term.effect.name} at one {term.effect.part}")
     begun = search.fitter.with_terms(fit, (*others, alone))
     return search.fit_until(begun, search.criterion(fit))
 
@@ -201,6 +200,5 @@ def _rival_per_part(search: Search, fit: Fit, score: Score) -> Fit | None:
         return None
     *rest, even = _exchanged(search, fit, term, score.candidate)
     other = alike(even, term, robot)
-    search.heartbeat(f"fitting {other.effect.name} {other.effect.form}")
     begun = fitter.with_terms(fit, (*rest, other))
     return search.fit_until(begun, search.criterion(fit), fitter.settings.stopping.rounds)

@@ -65,14 +65,9 @@ def promising_forms(search: Search, model: ScoredModel) -> list[Score]:
 
 
 def promising_pairs(test: ScoreTest, scores: Sequence[Score], more: float) -> list[Terms]:
-    """The pair that promises to explain the most; none if that is not clearly more than the best
-    candidate alone.
+    """The pair of some of a test's candidates, best first, that promises to explain the most.
 
-    The second one must add a visible amount.
-
-    Args:
-      scores: of some of the test's candidates, best first.
-      more: ratio to the explanation by the best one.
+    None if that is not so many times `more` than the best one alone; the second must add a visible amount.
     """
     gram, right = test.columns.T @ test.columns, test.columns.T @ test.residual
     every, best = np.arange(len(right)), more * scores[0].statistic + test.threshold

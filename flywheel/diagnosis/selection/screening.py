@@ -26,12 +26,7 @@ def screened(search: Search, model: ScoredModel, known: Sequence[Score]) -> list
 
     It is only tested if a model is clearly wrong, and no score promises to explain much of it; and
     not if a model starts from the measurements. Smooth ground needs it: of logs of 2 s one in eight misled
-    the fitted states so far that its score had the wrong sign.
-
-    Args:
-      search: of the model.
-      model: so far.
-      known: fitted anyway.
+    the fitted states so far that its score had the wrong sign. What is `known` is fitted anyway.
     """
     fitter, share = search.fitter, search.settings.share
     promised = max(score.statistic for score in model.scores) > share * model.left

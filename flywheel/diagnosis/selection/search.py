@@ -141,9 +141,7 @@ class Search:
 
         A residual of other places would count as an effect.
 
-        Args:
-          fit: starting point.
-          target: criterion to be reached; a fit that clearly stays above it is abandoned.
+        A fit whose criterion clearly stays above the target is abandoned.
         """
         if fit.kept is None:
             return fit
@@ -203,17 +201,10 @@ class Search:
                 terms = value.moved(terms, 0.0)
         return terms
 
-    def without_term(self, fit: Fit, term: Term) -> Fit:
-        """A fit without a term, fitted again."""
-        return self.fit_until(self.begun_without(fit, term))
-
     def dropped(self, fit: Fit, term: Term, others: Sequence[Fit] = ()) -> Fit:
         """A fit without a term, as far as that may be as good.
 
-        Args:
-          fit: with the term.
-          term: to be left out.
-          others: further models; one of them may have better initial states.
+        One of the others may have better initial states.
         """
         less = self.begun_without(fit, term)
         for other in others:
@@ -228,9 +219,7 @@ class Search:
         That may be all of them: better initial states found on the way are no evidence for an
         effect. The explanation by a fitted term must reach the threshold of the score.
 
-        Args:
-          fit: with all terms.
-          others: further models; one of them may be the remaining one.
+        One of the others may be what remains.
         """
         while terms := asked(fit.terms):
             shorter = [self.dropped(fit, term, others) for term in terms]
@@ -273,16 +262,12 @@ class Search:
 
     def shortlist(self, model: ScoredModel) -> list[Score]:
         """Candidates worth a fit, best first."""
-        settings = self.settings
-        found: list[Score] = []
-        families: dict[str, int] = {}
+        settings, found = self.settings, list[Score]()
         for score in model.scores:
-            family = score.candidate.effect.name
             enough = score.statistic >= settings.share * model.scores[0].statistic
-            few = families.get(family, 0) < settings.per_family
-            if enough and score.score >= self.threshold and few:
+            same = sum(each.candidate.effect.name == score.candidate.effect.name for each in found)
+            if enough and score.score >= self.threshold and same < settings.per_family:
                 found.append(score)
-                families[family] = families.get(family, 0) + 1
         return found[: settings.shortlist]
 
 

@@ -34,13 +34,9 @@ def stepwise(search: Search, first: ScoredModel) -> tuple[Search, list[ScoredMod
     If nothing is found, and the model may be complete, the search is repeated in time steps shorter
     than a fit needs: coarse steps at contacts may hide a small effect.
 
-    Args:
-      search: its state at the beginning.
-      first: the initial model.
-
     Returns:
-      Its state at the end, and the initial model, with one effect more, and so on; the last is the
-      answer.
+      The search in its time steps at the end, and the initial model, with one effect more, and so on; the
+      last is the answer.
     """
     search, models = _forward(search, first)
     with suppress(Interrupted):
@@ -101,10 +97,7 @@ def _forward(
 ) -> tuple[Search, list[ScoredModel]]:
     """The forward steps of `stepwise`, in the time steps of the fitter or those required by an effect.
 
-    Args:
-      search: its state.
-      begun: the first model.
-      before: the initial model, if that is another one.
+    They begin with the model `begun`; `before` is the initial one, if that is another.
     """
     models = [begun] if before is None else [before, begun]
     with suppress(Interrupted):
@@ -247,20 +240,19 @@ def _next(search: Search, model: ScoredModel, room: int) -> tuple[Search, Fit | 
     begun = deduplicated(heartbeat.each(partial(search.warm_start, model), started, _names))
     if model.fit.kept is not None:
         begun = heartbeat.each(search.effects_first, begun, _named)
-        begun = _with_sensitivities_of_best(search, begun) if begun else []
+    begun = _with_sensitivities_of_best(search, begun)
     fits = heartbeat.each(partial(_after_a_round, search), begun, _named)
     if not fits:
         return search, None
-    if model.fit.kept is not None:
-        fits = _with_sensitivities_of_best(search, fits)
+    fits = _with_sensitivities_of_best(search, fits)
     search, (first, *others) = _fitted_in_turn(search, fits)
     less = partial(search.pruned, first, (model.fit, *others))
     return search, heartbeat.spared(less, first, "models without an effect")
 
 
 def _names(terms: Terms) -> str:
-    """The effects of a model, for people."""
-    return ", ".join(dict.fromkeys(term.effect.name for term in asked(terms)))
+    """What is fitted, for people."""
+    return "fitting " + ", ".join(dict.fromkeys(term.effect.name for term in asked(terms)))
 
 
 def _named(fit: Fit) -> str:
@@ -269,12 +261,13 @@ def _named(fit: Fit) -> str:
 
 def _after_a_round(search: Search, fit: Fit) -> Fit:
     """A fit after its first round."""
-    search.heartbeat(f"fitting {_named(fit)}")
     return search.fitter.fit(fit, search.fitter.free(fit.terms), rounds=1)
 
 
 def _with_sensitivities_of_best(search: Search, fits: Sequence[Fit]) -> list[Fit]:
     """Fits that keep the sensitivities to numbers of the robot at the best of them, not at their start."""
+    if not fits or fits[0].kept is None:
+        return list(fits)
     kept = search.fitter.kept_anew(min(fits, key=search.criterion)).kept
     return [
         replace(fit, cache=replace(search.fitter.renewed(fit), kept=kept), converged=False)
@@ -286,12 +279,9 @@ def _fitted_in_turn(search: Search, begun: Sequence[Fit]) -> tuple[Search, list[
     """Several models, each fitted as long as it may become the best; the best one first.
 
     Initial states that had to compensate for a wrong model recover slowly: after a few rounds the
-    wrong one of two may be ahead. Of models that are one by several names, one is fitted.
-
-    Args:
-      search: its state.
-      begun: the most promising one first. If it is not ahead, windows of it may be stuck, or its
-        steps too long, which is mended before anything else.
+    wrong one of two may be ahead. Of models that are one by several names, one is fitted. If the
+    most promising one, which comes first, is not ahead, windows of it may be stuck, or its steps too
+    long, which is mended before anything else.
     """
     favourite, *others = deduplicated(begun)
     if any(search.criterion(fit) < search.criterion(favourite) for fit in others):

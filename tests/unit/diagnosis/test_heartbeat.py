@@ -141,7 +141,7 @@ def test_a_bug_in_one_rival_costs_that_rival_and_not_the_answer(monkeypatch):
     answer = diagnose(Plant(robot), [log], (), few, everything)
     assert [each.effect for each in answer.answers[0]] == ["winch_gain"]
     lost = {each.what for each in answer.failures}
-    assert {"slope", "judging the answer: gains on other windows"} <= lost
+    assert {"fitting slope", "judging the answer: gains on other windows"} <= lost
     assert {each["error"] for each in answer.summary()["failures"]} == {
         "ZeroDivisionError: of this rival",
         "ZeroDivisionError: of a stage",

@@ -15,7 +15,7 @@ from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.diagnosis.selection.candidates import candidates
 from flywheel.diagnosis.selection.screening import screened
 from flywheel.diagnosis.selection.search import Search
-from flywheel.diagnosis.settings import FittingSettings, Limits, NetworkSettings
+from flywheel.diagnosis.settings import Limits
 from flywheel.dynamics.plant import Plant, Reckoning, RestartedPlant
 from flywheel.effects import EFFECTS, Term
 from flywheel.errors import ModelError
@@ -69,16 +69,16 @@ def gain(share: float) -> Term:
     return Term(EFFECTS["winch_gain"], None, (share,))
 
 
-def world_of(robot: Robot, trajectory: Trajectory, draws_of_errors: int) -> PlantFitter:
-    settings = FittingSettings(network=NetworkSettings(draws=draws_of_errors))
-    windows = Windows.cut(robot, [trajectory], LENGTH)
-    return fitter_of(windows, Plant(robot), settings=settings)
+def world_of(robot: Robot, trajectory: Trajectory) -> PlantFitter:
+    return fitter_of(Windows.cut(robot, [trajectory], LENGTH), Plant(robot))
 
 
 @pytest.fixture(scope="module")
 def fitter(robot: Robot, trajectory: Trajectory, model: Subject) -> NetworkFitter:
-    world = world_of(robot, trajectory, draws_of_errors=48)
-    return NetworkFitter(world, fitted(world), (), model, np.random.default_rng(draws.seed()))
+    world = world_of(robot, trajectory)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("flywheel.diagnosis.fitting.network_fit.DRAWS", 48)
+        return NetworkFitter(world, fitted(world), (), model, np.random.default_rng(draws.seed()))
 
 
 def test_its_own_errors_are_far_above_the_noise_and_are_not_taken_for_an_effect(
@@ -102,8 +102,11 @@ def test_only_what_comes_after_its_past_is_explained(fitter: NetworkFitter) -> N
     assert np.isfinite(fitter.windows.measured[:, history + 1 :]).all()
 
 
-def test_a_model_is_told_the_winches_of_the_plant_that_it_was_trained_on(robot, trajectory, model):
-    world = world_of(robot, trajectory, draws_of_errors=8)
+def test_a_model_is_told_the_winches_of_the_plant_that_it_was_trained_on(
+    robot, trajectory, model, monkeypatch
+):
+    monkeypatch.setattr("flywheel.diagnosis.fitting.network_fit.DRAWS", 8)
+    world = world_of(robot, trajectory)
     seen: list[Floats] = []
 
     class Told(Drifting):
