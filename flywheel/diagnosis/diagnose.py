@@ -36,7 +36,6 @@ from flywheel.diagnosis.results.evidence import Evidence
 from flywheel.diagnosis.results.numbers_as_built import AsBuiltNumbers
 from flywheel.diagnosis.results.verdict import beyond, only_noise, other_form, verdict_of
 from flywheel.diagnosis.selection.candidates import Candidate, candidates
-from flywheel.diagnosis.selection.misspecification import PROBES
 from flywheel.diagnosis.selection.score_test import ScoredModel
 from flywheel.diagnosis.selection.search import Search
 from flywheel.diagnosis.selection.stepwise import in_time_steps, stepwise
@@ -47,7 +46,7 @@ from flywheel.diagnosis.selection.suspect_parameters import (
 )
 from flywheel.diagnosis.settings import Settings
 from flywheel.dynamics.plant import Plant
-from flywheel.effects import EFFECTS, FORMS, NAMED, Effect, Terms
+from flywheel.effects import EFFECTS, FORMS, NAMED, PROBES, Effect, Terms
 from flywheel.errors import DataError, ModelError
 from flywheel.options import DiagnosisOptions
 from flywheel.records import Trajectory

@@ -49,6 +49,7 @@ from flywheel.effects.per_part import (
     per_part_term,
     with_shares,
 )
+from flywheel.effects.probes import PROBES
 from flywheel.effects.scales import Scales
 from flywheel.effects.written import WrittenTerm
 
@@ -103,6 +104,7 @@ __all__ = [
     "EFFECTS",
     "FORMS",
     "NAMED",
+    "PROBES",
     "AdoptedPlant",
     "AsBuilt",
     "Cables",

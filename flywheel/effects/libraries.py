@@ -4,20 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-from flywheel.effects import NAMED, Effect
+from flywheel.effects import NAMED, PROBES, Effect
 from flywheel.effects.own import LawFile
 from flywheel.errors import ConfigError
 
 # Laws by which a diagnosis asks questions, and the one that it learns. They are in no library.
-RESERVED = frozenset(
-    {
-        "damping_by_speed_squared",
-        "damping_by_tension",
-        "stiffness_in_time",
-        "gain_by_rate",
-        "learned_tension",
-    }
-)
+RESERVED = frozenset({*PROBES, "learned_tension"})
 
 
 def with_laws(files: Iterable[LawFile], library: Mapping[str, Effect] = NAMED) -> dict[str, Effect]:

@@ -1,7 +1,6 @@
 """What the truth simulator can hide, beside what the library can name."""
 
-from flywheel.diagnosis.selection.misspecification import PROBES
-from flywheel.effects import EFFECTS
+from flywheel.effects import EFFECTS, PROBES
 from flywheel.truth_simulator import HIDDEN, OUTSIDE
 
 # Effects of the library that the truth simulator does not hide: name -> why not.

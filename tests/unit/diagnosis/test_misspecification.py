@@ -7,10 +7,10 @@ import pytest
 
 from flywheel.diagnosis import Diagnosis, Verdict, diagnose
 from flywheel.diagnosis.results.verdict import imitated, other_form
-from flywheel.diagnosis.selection.misspecification import NONE, PROBES, Misspecification
+from flywheel.diagnosis.selection.misspecification import NONE, Misspecification
 from flywheel.diagnosis.settings import Limits
 from flywheel.dynamics.plant import Plant
-from flywheel.effects import EFFECTS, Scales, Term
+from flywheel.effects import EFFECTS, PROBES, Scales, Term
 from flywheel.options import DiagnosisOptions
 from flywheel.reports.diagnosis_page import diagnosis_page
 from flywheel.robots import Robot, load_robot

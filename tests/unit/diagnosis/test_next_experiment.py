@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from flywheel.diagnosis import Verdict
+from flywheel.diagnosis.experiments.design import Rival
 from flywheel.diagnosis.results.evidence import Evidence
 from flywheel.diagnosis.results.next_experiment import NextExperiment, next_experiment
 from flywheel.diagnosis.results.verdict import Alternative, found
-from flywheel.diagnosis.selection.candidates import Candidate, Rival, candidates
+from flywheel.diagnosis.selection.candidates import Candidate, candidates
 from flywheel.diagnosis.selection.score_test import Score
 from flywheel.effects import EFFECTS
 from flywheel.records import Floats

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from flywheel.diagnosis.checks.discrepancy import LearnedTension
-from flywheel.diagnosis.selection.misspecification import PROBES
-from flywheel.effects import EFFECTS, NAMED, AdoptedPlant, Term, Winches, WrittenTerm
+from flywheel.effects import EFFECTS, NAMED, PROBES, AdoptedPlant, Term, Winches, WrittenTerm
 from flywheel.effects.declaration import wrong_in_declaration
 from flywheel.effects.libraries import RESERVED, with_laws
 from flywheel.effects.own import LawFile, LawReference, law_file, law_files

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from flywheel.diagnosis import Diagnosis, Settings, Verdict, changed, diagnose
-from flywheel.diagnosis.selection.misspecification import PROBES, Misspecification
+from flywheel.diagnosis.selection.misspecification import Misspecification
 from flywheel.dynamics.plant import Plant
-from flywheel.effects import EFFECTS
+from flywheel.effects import EFFECTS, PROBES
 from flywheel.reports.diagnosis_page import (
     at_bounds,
     diagnosis_page,
