@@ -13,7 +13,7 @@ from flywheel.diagnosis.fitting.plant_fit import PlantFitter
 from flywheel.diagnosis.fitting.subject import Subject
 from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.diagnosis.selection.candidates import candidates
-from flywheel.diagnosis.selection.screening import screened
+from flywheel.diagnosis.selection.proposals import screened
 from flywheel.diagnosis.selection.search import Search
 from flywheel.diagnosis.settings import Limits
 from flywheel.dynamics.plant import Plant, Reckoning, RestartedPlant
@@ -156,12 +156,12 @@ def test_what_is_hidden_is_found_and_what_is_not_is_not(robot, model, seed, shar
 
 
 def test_a_network_is_not_screened(robot, fitter, monkeypatch):
-    library = candidates(robot, FEW)
-    scored = Search(fitter, library, 25.0).score_all(fitter.first_estimate())
+    search = Search(fitter, candidates(robot, FEW), 25.0)
+    scored = search.score_all(fitter.first_estimate())
     scores = tuple(replace(score, statistic=1.0) for score in scored.scores)
     fit = replace(scored.fit, cost=10.0 * fitter.freedom)
     monkeypatch.setattr(NetworkFitter, "predictions", None)  # nothing is simulated
-    assert screened(fitter, replace(scored, fit=fit, scores=scores), library, ()) == []
+    assert screened(search, replace(scored, fit=fit, scores=scores), ()) == []
 
 
 def test_a_model_that_does_not_fit_is_refused(robot, trajectory, model):

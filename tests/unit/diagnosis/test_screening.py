@@ -9,8 +9,8 @@ from flywheel.diagnosis.fitting.model import fitted, fitter_of
 from flywheel.diagnosis.fitting.plant_fit import PlantFitter
 from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.diagnosis.selection.candidates import Candidate, candidates
+from flywheel.diagnosis.selection.proposals import screened
 from flywheel.diagnosis.selection.score_test import ScoredModel
-from flywheel.diagnosis.selection.screening import screened
 from flywheel.diagnosis.selection.search import Search
 from flywheel.diagnosis.selection.stepwise import stepwise
 from flywheel.dynamics.plant import Plant
