@@ -139,9 +139,8 @@ class Search:
     def settled(self, fit: Fit, target: float = np.inf) -> Fit:
         """A fit whose kept sensitivities are those at its place, or near it if that ends lower.
 
-        A residual of other places would count as an effect.
-
-        A fit whose criterion clearly stays above the target is abandoned.
+        A residual of other places would count as an effect. A fit whose criterion clearly stays above
+        the target is abandoned.
         """
         if fit.kept is None:
             return fit
@@ -202,10 +201,7 @@ class Search:
         return terms
 
     def dropped(self, fit: Fit, term: Term, others: Sequence[Fit] = ()) -> Fit:
-        """A fit without a term, as far as that may be as good.
-
-        One of the others may have better initial states.
-        """
+        """A fit without a term, as far as that may be as good; others may have better initial states."""
         less = self.begun_without(fit, term)
         for other in others:
             if places(other.terms) == places(less.terms):  # fitted, but maybe in other time steps
@@ -217,9 +213,8 @@ class Search:
         """The model without its unnecessary terms.
 
         That may be all of them: better initial states found on the way are no evidence for an
-        effect. The explanation by a fitted term must reach the threshold of the score.
-
-        One of the others may be what remains.
+        effect. The explanation by a fitted term must reach the threshold of the score. One of the
+        others may be what remains.
         """
         while terms := asked(fit.terms):
             shorter = [self.dropped(fit, term, others) for term in terms]
