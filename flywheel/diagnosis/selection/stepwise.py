@@ -251,7 +251,7 @@ def _next(search: Search, model: ScoredModel, room: int) -> tuple[Search, Fit | 
 
 
 def _names(terms: Terms) -> str:
-    """What is fitted, for people."""
+    """The effects that are being fitted, for people."""
     return "fitting " + ", ".join(dict.fromkeys(term.effect.name for term in asked(terms)))
 
 

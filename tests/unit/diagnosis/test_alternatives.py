@@ -170,7 +170,8 @@ def test_a_shortened_answer_loses_what_is_not_shown_in_it(monkeypatch: pytest.Mo
     monkeypatch.setattr(conclusion, "exchanged", lambda *_: exchange)
     monkeypatch.setattr(conclusion, "judge", judge)
     search = SimpleNamespace(
-        without_term=lambda fit, term: model_of(*(t for t in fit.terms if t is not term)).fit,
+        begun_without=lambda fit, term: model_of(*(t for t in fit.terms if t is not term)).fit,
+        fit_until=lambda fit: fit,
         score_all=lambda fit: model_of(*fit.terms),
     )
     searched: Any = SimpleNamespace(search=search, limits=SimpleNamespace(equally_good=1.0))
