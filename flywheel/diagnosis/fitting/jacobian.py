@@ -12,7 +12,7 @@ from flywheel.records import Floats, State
 
 # Steps of an initial state, in natural units: the first for accurate differences, all in turn for rough ones:
 # contacts make every one of them blind somewhere.
-STEPS = (2e-3, 8e-3, 5e-4)
+STATE_STEPS = (2e-3, 8e-3, 5e-4)
 WINCH_STEP = 1e-3  # of a winch's offset, in lengths of the robot
 
 
@@ -35,7 +35,7 @@ class FiniteDifferences:
 
     def precise(self, fit: Fit, members: np.ndarray) -> Jacobian:
         """The Jacobian of windows `members` (n,) around a fit."""
-        simulator, local, step = self._simulator, fit.local[members], STEPS[0]
+        simulator, local, step = self._simulator, fit.local[members], STATE_STEPS[0]
         ahead, behind = (self._aside(simulator, fit, members, local, s) for s in (step, -step))
         by_local = simulator.windows.slope(ahead - behind, 2 * step, members)
         return Jacobian(by_local, self._by_winch(simulator, fit, members, fit.points[members]))

@@ -9,7 +9,7 @@ from typing import Self
 
 import numpy as np
 
-from flywheel.diagnosis.fitting.jacobian import STEPS, FiniteDifferences
+from flywheel.diagnosis.fitting.jacobian import STATE_STEPS, FiniteDifferences
 from flywheel.diagnosis.fitting.least_squares import (
     LEAST_DAMPING,
     Fit,
@@ -137,7 +137,7 @@ class PlantFitter(Fitter):
     def _rough(self, fit: Fit, members: np.ndarray) -> Jacobian:
         """A rough Jacobian of windows `members` (n,)."""
         turn = 0 if fit.cache is None else fit.cache.number + 1
-        return self.differences.rough(fit, members, STEPS[turn % len(STEPS)])
+        return self.differences.rough(fit, members, STATE_STEPS[turn % len(STATE_STEPS)])
 
     def predictions(self, fit: Fit, terms: Sequence[Terms]) -> Floats:
         """(n, K, steps + 1, P, 3) points with a fit's terms replaced by each of n [m]."""
@@ -303,7 +303,7 @@ class PlantFitter(Fitter):
         """
         rounds = BEFORE + AFTER
         local, cost, on = local.copy(), np.zeros(len(members)), np.ones(len(members), bool)
-        for number, step in enumerate(islice(cycle(STEPS), rounds), 1):
+        for number, step in enumerate(islice(cycle(STATE_STEPS), rounds), 1):
             before = cost.copy()
             local[on], before[on], cost[on] = self._stepped_alone(fit, members[on], local[on], step)
             if number < BEFORE:
