@@ -97,7 +97,7 @@ PartialShare = Annotated[float, Bounds(0, 1, below=True)]
 FACTOR = Bounds(0, 1e9, above=True)  # beside a typical one of 1; demonstrations exaggerate by 1e7
 Factor = Annotated[float, FACTOR]
 Weight = Annotated[float, Bounds(0, 1e9)]  # of a part of a sum, beside others around 1
-SEED = Bounds(0, 2**63 - 1)  # what numpy, torch and a shell all take
+SEED = Bounds(0, 2**32 - 1)  # torch counts no more bits: larger ones repeat these
 Seed = Annotated[int, SEED]
 
 # Counts of what takes time or memory.

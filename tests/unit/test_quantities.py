@@ -8,10 +8,11 @@ from typing import Annotated
 
 import numpy as np
 import pytest
+import torch
 from pydantic import BaseModel, ValidationError
 
 from flywheel.errors import RobotError
-from flywheel.quantities import Bounds
+from flywheel.quantities import SEED, Bounds
 
 NOT_NUMBERS = (None, True, False, "1", [1], {}, 1j)
 NOT_FINITE = (math.inf, -math.inf, math.nan, 1e300, -1e300, 10**400)
@@ -59,3 +60,14 @@ def test_a_number_from_elsewhere_is_checked_by_the_same_bounds() -> None:
 def test_what_the_command_line_imports_leaves_pydantic_for_later() -> None:
     code = "import sys, flywheel.quantities; sys.exit('pydantic' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_torch_draws_other_numbers_by_each_allowed_seed_and_repeats_them_beyond() -> None:
+    def drawn(seed: int) -> list[float]:
+        return torch.rand(4, generator=torch.Generator().manual_seed(seed)).tolist()
+
+    last = int(SEED.high)
+    assert len({tuple(drawn(seed)) for seed in (0, 1, 2**31, last)}) == 4
+    assert drawn(last + 1) == drawn(0)
+    assert last in SEED
+    assert last + 1 not in SEED
