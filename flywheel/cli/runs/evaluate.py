@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,11 +10,11 @@ from typing import TYPE_CHECKING
 from flywheel.cli.console import console, table
 from flywheel.cli.options import RunArgument
 from flywheel.quantities import HorizonSeconds, Samples
-from flywheel.records import RECORDING
 
 if TYPE_CHECKING:
     from flywheel.cli.runs.opening import OpenRun
     from flywheel.data.catalogue import EpisodeSummary
+    from flywheel.records import Episode
     from flywheel.results import ErrorNumbers
     from flywheel.runtime.workers.model_weights import AnyWeights
     from flywheel.runtime.workers.sim_worker import Baseline, Scores
@@ -49,10 +50,12 @@ def evaluate(
       by: Group the scores by: controller, dataset, iteration, source, ground.
     """
     from flywheel.cli.runs.opening import open_run
+    from flywheel.evaluation import BINS
+    from flywheel.registry import lookup
 
-    opened = open_run(run)
+    opened, bin_of = open_run(run), lookup(BINS, by, "subset of episodes")
     episodes = _episodes_of(opened, split, horizon)
-    groups = _groups(opened, episodes, by)
+    groups = {"all": episodes} if by == "all" else _groups(opened, episodes, bin_of)
     changed = {"horizon_seconds": horizon, "starts": starts}
     evaluate = opened.config.evaluate.model_copy(update=changed)
     scored = replace(opened, config=opened.config.model_copy(update={"evaluate": evaluate}))
@@ -76,6 +79,7 @@ def _rows(
     full: bool,
 ) -> list[tuple[object, ...]]:
     """One row per group of episodes and subject; the group is named unless it is the only one."""
+    from flywheel.records import RECORDING
     from flywheel.runtime.pool.progress import console_progress
     from flywheel.runtime.run.folder import name_of
     from flywheel.runtime.workers.episode_plan import derive_seed
@@ -130,15 +134,9 @@ def _episodes_of(run: OpenRun, split: str, horizon: float) -> list[EpisodeSummar
 
 
 def _groups(
-    run: OpenRun, episodes: list[EpisodeSummary], by: str
+    run: OpenRun, episodes: list[EpisodeSummary], bin_of: Callable[[Episode], str]
 ) -> dict[str, list[EpisodeSummary]]:
     """The episodes of each subset."""
-    from flywheel.evaluation import BINS
-    from flywheel.registry import lookup
-
-    bin_of = lookup(BINS, by, "subset of episodes")
-    if by == "all":
-        return {"all": episodes}
     groups: dict[str, list[EpisodeSummary]] = {}
     for each in episodes:
         groups.setdefault(bin_of(run.store.read(each.id)), []).append(each)

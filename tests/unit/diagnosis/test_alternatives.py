@@ -19,6 +19,7 @@ from flywheel.diagnosis.results.verdict import Facts
 from flywheel.diagnosis.selection import alternatives
 from flywheel.diagnosis.selection.alternatives import ExchangedModels
 from flywheel.diagnosis.selection.candidates import candidates
+from flywheel.diagnosis.selection.score_test import Score
 from flywheel.diagnosis.selection.search import Search
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS, Term
@@ -64,8 +65,8 @@ def test_of_alternatives_that_are_one_by_several_names_one_is_fitted(
     found = Term(EFFECTS["winch_gain"], None, (0.05,))
     last = fitter.with_terms(fitted(fitter, rounds=1), (found,))
     late = float(np.random.default_rng(seed).uniform(0.005, 0.03))
-    scores: Any = [
-        SimpleNamespace(candidate=each, sizes=(late / each.typical[0],), shape=0)
+    scores = [
+        Score(each, 0, 0.0, 0.0, (late / each.typical[0],), 0.0)
         for each in library
         if each.effect.name in names
     ]
