@@ -66,6 +66,10 @@ _DOUBLED = _Unfit(
     "has a sensor of nothing beside <replicate>",
     "MuJoCo doubles it with each copy: delete it",
 )
+_PERCENT = _Unfit(
+    "has a percent sign in an attribute",
+    "MuJoCo may take it for a command of its messages: write another character",
+)
 UNFIT = {
     **dict.fromkeys(("mesh", "hfield", "skin", "include", "model", "attach"), _FILE),
     **dict.fromkeys(("flexcomp", "flex", "deformable", "composite"), _SOFT),
@@ -232,6 +236,8 @@ def refuse_unfit(root: ElementTree.Element, what: str) -> None:
             unfit = _SEARCH
         if "muscle" in (element.get("gaintype"), element.get("biastype")):
             unfit = _MUSCLE
+        if any("%" in value for value in element.attrib.values()):
+            unfit = _PERCENT
         if unfit is not None:
             found.setdefault(unfit, []).append(_begun(element))
     for _, element in doubled_sensors(root):

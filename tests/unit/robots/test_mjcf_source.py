@@ -118,6 +118,7 @@ def test_what_would_take_much_memory_is_refused(xml: str, message: str) -> None:
             "has a muscle",
         ),
         (edited((BEGIN, f'{BEGIN}<compiler><lengthrange mode="all"/></compiler>')), "look for"),
+        (with_world('<site name="at 50%"/>'), "a percent sign in an attribute"),
         (edited((BEGIN, f'{BEGIN}<extension><plugin plugin="p"/></extension>')), "needs a plugin"),
         (with_world('<flexcomp name="f" type="grid" count="99 99 1"/>'), "a flexible part"),
         (with_world('<attach model="m" body="b" prefix="p"/>'), "reads another file"),
