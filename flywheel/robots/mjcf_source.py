@@ -236,7 +236,7 @@ def refuse_unfit(root: ElementTree.Element, what: str) -> None:
             unfit = _SEARCH
         if "muscle" in (element.get("gaintype"), element.get("biastype")):
             unfit = _MUSCLE
-        if any("%" in value for value in element.attrib.values()):
+        if unfit is None and any("%" in value for value in element.attrib.values()):
             unfit = _PERCENT
         if unfit is not None:
             found.setdefault(unfit, []).append(_begun(element))
