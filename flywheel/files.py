@@ -41,7 +41,10 @@ _KINDS = {
 
 
 class _Loader(yaml.CSafeLoader):
-    """Reads `1e-3` as a number and a date as a text, as YAML 1.2 does; refuses a key that stands twice."""
+    """Reads numbers as YAML 1.2 does, and a date as a text; refuses a key that stands twice.
+
+    So `1e-3` is a number, and neither `010` (of base 8 in YAML 1.1) nor `1:30` (of base 60) is one.
+    """
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         keys = [key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode)]
@@ -57,16 +60,22 @@ class _Dumper(yaml.CSafeDumper):
     """Writes the text "1e-3" in quotes."""
 
 
-for _each in (_Loader, _Dumper):
-    _each.add_implicit_resolver(
-        "tag:yaml.org,2002:float",
-        re.compile(r"[-+]?[0-9][0-9_]*(\.[0-9_]*)?[eE][-+]?[0-9]+$"),
-        list("-+0123456789"),
-    )
+_DIGITS, _EXPONENT = "[0-9][0-9_]*", r"[eE][-+]?[0-9]+"
+_NUMBERS = {
+    "int": r"[-+]?(0|[1-9][0-9_]*|0x[0-9a-fA-F]+)$",
+    "float": rf"[-+]?({_DIGITS}\.[0-9_]*({_EXPONENT})?|\.{_DIGITS}({_EXPONENT})?|{_DIGITS}{_EXPONENT}"
+    r"|\.(inf|Inf|INF))$|\.(nan|NaN|NAN)$",
+}
+_ELSEWHERE = tuple(f"tag:yaml.org,2002:{kind}" for kind in (*_NUMBERS, "timestamp"))
 _Loader.yaml_implicit_resolvers = {
-    first: [(tag, form) for tag, form in forms if not tag.endswith(":timestamp")]
+    first: [(tag, form) for tag, form in forms if tag not in _ELSEWHERE]
     for first, forms in _Loader.yaml_implicit_resolvers.items()
 }
+for _each in (_Loader, _Dumper):
+    for _kind, _form in _NUMBERS.items():
+        _each.add_implicit_resolver(
+            f"tag:yaml.org,2002:{_kind}", re.compile(_form), list("-+.0123456789")
+        )
 
 
 def file_name(name: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import time
 
 from flywheel.errors import LinkError
 from flywheel.robot_link.wire import (
@@ -29,7 +30,7 @@ class TcpLink(MessageLink):
 
     Args:
       host, port: of its server.
-      patience: longest wait for an answer [s].
+      patience: longest wait for a whole answer [s].
 
     Raises:
       LinkError: it does not answer, or is not a robot.
@@ -42,7 +43,7 @@ class TcpLink(MessageLink):
         except OSError as error:
             raise LinkError(f"No robot answers at {self._where}: {error}.") from None
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self._lines = self._socket.makefile("rb")
+        self._received = b""  # after the last line
         try:
             about = self._ask(Hello(), About)
             check_format(about.format, "robot")
@@ -69,9 +70,10 @@ class TcpLink(MessageLink):
     def _ask(self, message: Message, expected: type[Expected]) -> Expected:
         patience = RESETTING if isinstance(message, Reset) else self._patience
         try:
+            until = time.monotonic() + patience
             self._socket.settimeout(patience)
             self._socket.sendall(message.line())
-            line = self._lines.readline(LONGEST_LINE)
+            line = self._line(until)
         except TimeoutError:
             raise self._lost(f"no answer within {patience:g} s") from None
         except OSError as error:
@@ -88,10 +90,21 @@ class TcpLink(MessageLink):
             )
         return answer
 
+    def _line(self, until: float) -> bytes:
+        """The next line, if it is whole by then [s of `time.monotonic`]; empty from a closed connection."""
+        while b"\n" not in self._received and len(self._received) < LONGEST_LINE:
+            if (left := until - time.monotonic()) <= 0:
+                raise TimeoutError
+            self._socket.settimeout(left)
+            if not (more := self._socket.recv(LONGEST_LINE)):
+                break
+            self._received += more
+        line, end, self._received = self._received.partition(b"\n")
+        return line + end
+
     def _lost(self, why: str) -> LinkError:
         self._hang_up()
         return LinkError(f"The link to the robot at {self._where} is lost: {why}.")
 
     def _hang_up(self) -> None:
-        self._lines.close()
         self._socket.close()

@@ -1,5 +1,6 @@
 """Files from outside: what is no file, too large or too deep is refused in a sentence."""
 
+import math
 import os
 from pathlib import Path
 
@@ -155,6 +156,8 @@ def test_numbers_of_yaml_1_2_are_numbers_and_texts_come_back_as_texts() -> None:
     values = parsed_yaml(text, "The map", DataError)
     assert values == {"a": 1e-3, "b": -2e5, "c": "1e3", "d": 1500.0, "e": "2020-02-31"}
     assert parsed_yaml(yaml_text(values), "The map", DataError) == values
+    others = parsed_yaml("[010, 1:30, 0x1F, -.5, 1_000, -.inf]", "The map", DataError)
+    assert others == ["010", "1:30", 31, -0.5, 1000, -math.inf]  # not 8 and 90, as in YAML 1.1
 
 
 def test_a_value_that_does_not_fit_its_tag_is_refused() -> None:

@@ -26,6 +26,7 @@ from flywheel.dynamics.plant.render import Film
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.effects import EFFECTS, WrittenTerm
 from flywheel.errors import ConfigError
+from flywheel.files import shown
 from flywheel.records import Episode, Split
 from flywheel.results import RESULT_FILE, Walk
 from flywheel.robot_link import RobotLink, StandInConfig, TranscribedLink
@@ -214,6 +215,11 @@ class RobotDriver(_Driver):
             raise ConfigError(
                 "A stand-in has no obstacles around it: task.name must be reach, got "
                 f"{self.config.task.name}."
+            )
+        if asked := next((each for each in overrides if each.startswith("terrain")), None):
+            raise ConfigError(
+                f"{shown(asked)} has no effect: a robot is on the ground that it is on, and plans take that "
+                "for a plane. Leave it out."
             )
         # A shipped network knows no recordings; the plant of the MJCF is its first data set.
         dataset = 0 if model == SHIPPED else None

@@ -85,6 +85,12 @@ def test_a_star_goes_by_the_plant_alone_and_has_its_own_lines(tmp_path):
     assert (line.setting.controller, line.setting.model) == ("astar", "oracle")
 
 
+def test_a_robot_is_on_its_own_ground():
+    words = ["drive", "smoke", "--model", "plant", "terrain.kinds=[bumps]"]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 2 and "has no effect" in done.output, done.output
+
+
 @pytest.mark.slow
 def test_a_drive_that_the_results_have_is_not_driven_again(tmp_path):
     results = tmp_path / "results.jsonl"

@@ -2,7 +2,9 @@
 
 import json
 import socket
+import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -130,6 +132,21 @@ def test_a_robot_that_is_not_there_hangs_up_or_is_silent_is_said_to_be_lost(serv
             TcpLink("127.0.0.1", port, patience=0.2)
     with pytest.raises(LinkError, match=f"No robot answers at 127.0.0.1:{port}"):
         TcpLink("127.0.0.1", port)
+
+
+def test_an_answer_that_comes_byte_by_byte_and_never_ends_is_too_late() -> None:
+    def drip(server: socket.socket) -> None:
+        with server.accept()[0] as wire, suppress(OSError):
+            for _ in range(400):
+                wire.sendall(b" ")
+                time.sleep(0.05)
+
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        dripping = threading.Thread(target=drip, args=[server])
+        dripping.start()
+        with pytest.raises(LinkError, match="no answer within 0.3 s"):
+            TcpLink("127.0.0.1", server.getsockname()[1], patience=0.3)
+        dripping.join()
 
 
 def test_a_transcript_takes_the_place_of_the_robot(prism3, expected, tmp_path):
