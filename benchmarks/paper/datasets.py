@@ -64,10 +64,11 @@ class DataSets:
         for (repetition, controller), split in zip(kinds, splits, strict=True):
             name = f"{dataset}-{controller.rpartition(':')[2]}-{repetition}"
             own = derive_seed(seed, "table", name)
+            perturbed = table.starts == "perturbed" and controller.startswith("gait:")
             seconds = np.random.default_rng(own).uniform(*table.seconds)
             plans.append(
                 EpisodePlan(
-                    id=name,
+                    id=name + "-perturbed" * perturbed,
                     controller=controller,
                     iteration=0,
                     split=split,
@@ -75,6 +76,7 @@ class DataSets:
                     seed=own,
                     dataset=index,
                     task_seed=own if controller == ORACLE else None,
+                    perturbed=perturbed,
                 )
             )
         return plans

@@ -104,6 +104,8 @@ class TableConfig(Frozen):
       tested: repetitions that are test data.
       validation: training trajectories per data set that only decide which step of a training is kept.
       seconds: least and largest duration of a trajectory; uniform [s].
+      starts: of gaits, where the robot came to rest after a "fall" in a random orientation, or "perturbed":
+        put down near the keyframe, tilted.
       real: a stand-in for a real robot, whose recordings are the only data set that is tested. The data sets
         of the run are then simulations with the commands of its training recordings.
       run: differences from the default run: the plants of the data sets, network, training, evaluation.
@@ -118,6 +120,7 @@ class TableConfig(Frozen):
     tested: Count = 1
     validation: Count = 1
     seconds: tuple[EpisodeSeconds, EpisodeSeconds] = (30.0, 60.0)
+    starts: Literal["fall", "perturbed"] = "fall"
     real: StandInConfig | None = None
     run: dict[Name, Any] = Field(default={})
     fit: FitSettings = FitSettings()
@@ -136,6 +139,8 @@ class TableConfig(Frozen):
                     f"{robot}: {self.repetitions} repetitions of {len(controllers)} controllers leave none "
                     f"to learn from, with {self.tested} tested and {self.validation} for validation"
                 )
+        if self.real is not None and self.starts != "fall":
+            raise ValueError(f"starts={self.starts} is for plants; a real robot stands where it is")
         for method in self.methods.values():
             most = len(self.config(next(iter(self.robots))).datasets) if self.real else 0
             if method.simulations > most:

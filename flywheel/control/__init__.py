@@ -10,6 +10,7 @@ from flywheel.control.protocol import Command, Controller, EpisodeOrder
 from flywheel.control.starts import (
     above_ground,
     by_a_box,
+    perturbed,
     random_drop,
     refuse_fixed,
     standing,
@@ -39,6 +40,7 @@ __all__ = [
     "RandomControls",
     "above_ground",
     "by_a_box",
+    "perturbed",
     "random_drop",
     "record_episode",
     "refuse_fixed",

@@ -1,4 +1,4 @@
-"""Initial states of episodes: dropped or thrown in any orientation, standing somewhere, or by a box."""
+"""Initial states of episodes: dropped or thrown in any orientation, perturbed, standing, by a box."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from flywheel.terrain import is_level
 
 FREE_JOINT = 7  # position and quaternion
 HEIGHT = (0.03, 0.4)  # height of the lowest cap's surface above the ground [robot lengths]
+TILT = np.radians(10.0)  # of a perturbed start, at most: half of that at which prism3 tips over [rad]
 FLIGHT, SPIN = (
     0.5,
     1.0,
@@ -41,14 +42,29 @@ def random_drop(plant: Plant, rng: np.random.Generator, n: int) -> State:
     Raises:
       RobotError: the robot is attached to something fixed.
     """
-    robot, rest = plant.robot, plant.rest(n)
     turn = Rotation.from_quat(_unit(rng.standard_normal((n, 4))))
+    return _dropped(plant, turn, rng.uniform(*HEIGHT, n))
+
+
+def perturbed(plant: Plant, rng: np.random.Generator, n: int) -> State:
+    """The keyframe, tilted by up to `TILT`, turned about the vertical by any angle, just above the ground.
+
+    Arguments and errors as of `random_drop`.
+    """
+    angles = rng.uniform([-np.pi, 0.0, -np.pi], [np.pi, TILT, np.pi], (n, 3))
+    return _dropped(plant, Rotation.from_euler("ZXZ", angles), np.full(n, HEIGHT[0]))
+
+
+def _dropped(plant: Plant, turn: Rotation, height: Floats) -> State:
+    """Keyframes (n,) rotated about their centres of mass, their lowest caps (n,) above ground [lengths]."""
+    n, robot = len(height), plant.robot
+    rest = plant.rest(n)
     pose, center = _turned(robot, rest, turn)
     pose[..., :3] += center
     turned = State(pose.reshape(n, -1), rest.qvel, rest.act)
     radii = np.array([point.radius for point in robot.points])
     lowest = (plant.observe(turned).points[..., 2] - radii).min(axis=1)
-    pose[..., 2] += (rng.uniform(*HEIGHT, n) * robot.length - lowest)[:, None]
+    pose[..., 2] += (height * robot.length - lowest)[:, None]
     return above_ground(plant, State(pose.reshape(n, -1), rest.qvel, rest.act))
 
 

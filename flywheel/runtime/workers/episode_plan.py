@@ -47,6 +47,7 @@ class EpisodePlan:
       course: of its task, or by one of whose boxes it begins; "" for the configured task, or none.
       hidden: true effects of the plant, if it stands in for a real robot. Learning, planning and
         reckoning receive `effects` instead. None without hidden effects.
+      perturbed: a gait begins near the keyframe, in place of a random drop.
     """
 
     id: str
@@ -61,6 +62,7 @@ class EpisodePlan:
     samples: int | None = None
     course: str = ""
     hidden: Effects | None = None
+    perturbed: bool = False
 
     @property
     def plant_effects(self) -> Effects:

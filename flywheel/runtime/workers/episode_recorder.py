@@ -17,6 +17,7 @@ from flywheel.control import (
     RandomControls,
     above_ground,
     by_a_box,
+    perturbed,
     random_drop,
     record_episode,
     standing,
@@ -282,7 +283,9 @@ class EpisodeRecorder(_Recorder):
         rng, by_box = np.random.default_rng(plan.seed), task is None and bool(plan.course)
         if kind == "throw":
             return thrown(plant, rng, 1)
-        if kind in ("drop", "gait"):
+        if plan.perturbed:
+            state = perturbed(plant, rng, 1)
+        elif kind in ("drop", "gait"):
             state = random_drop(plant, rng, 1)
         else:
             state = self._settled_state(plan.dataset, plan.plant_effects)
