@@ -47,7 +47,7 @@ class EpisodePlan:
       course: of its task, or by one of whose boxes it begins; "" for the configured task, or none.
       hidden: true effects of the plant, if it stands in for a real robot. Learning, planning and
         reckoning receive `effects` instead. None without hidden effects.
-      perturbed: a gait begins near the keyframe, in place of a random drop.
+      perturbed: it begins near the keyframe, tilted, in place of a gait's random drop.
     """
 
     id: str

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -59,6 +60,50 @@ def test_a_data_set_has_nine_trajectories_of_which_three_are_tested(tmp_path: Pa
             own = [plan for plan in plans if plan.dataset == dataset]
             assert Counter(p.split for p in own) == {"train": 5, "validation": 1, "test": 3}
             assert len({plan.controller for plan in own if plan.split == "test"}) == 3
+
+
+def starts(seed: int, folder: Path, table: str = "perturbed") -> dict[str, list[np.ndarray]]:
+    """(P, 3) points at the start of gaits on one plant, by split, and of the keyframe [L]."""
+    told = ["seconds=[0.6, 0.6]", "run.datasets=[{name: nominal}]", f"run.seed={seed}"]
+    data = DataSets(read_table(table, "", told), "prism3", folder)
+    found: dict[str, list[np.ndarray]] = {}
+    for plan in data.plans:
+        data.record(plan)
+        points = data.store.read(plan.id).trajectory.observations.points[0]
+        found.setdefault(plan.split, []).append(points / data.robot.length)
+    plant = data.recorder.plant(0)
+    return found | {"keyframe": [plant.observe(plant.rest()).points[0] / data.robot.length]}
+
+
+def apart(one: np.ndarray, other: np.ndarray) -> float:
+    """RMS distance of points (P, 3), however either stands about the vertical."""
+    one, other = (points - points.mean(axis=0) * [1, 1, 0] for points in (one, other))
+    flat = [points[:, 0] + 1j * points[:, 1] for points in (one, other)]
+    turned = np.vdot(*flat)
+    gaps = flat[0] * turned / abs(turned) - flat[1], one[:, 2] - other[:, 2]
+    return float(np.sqrt(sum((np.abs(gap) ** 2).mean() for gap in gaps)))
+
+
+def test_perturbed_gaits_begin_near_the_keyframe_and_each_elsewhere(tmp_path: Path) -> None:
+    found, again = (starts(seed, tmp_path / str(seed)) for seed in (0, 1))
+    (own,) = found["keyframe"]
+    begun = [*found["train"], *found["validation"], *found["test"], *again["test"]]
+    assert len(begun) == 12 and max(apart(points, own) for points in begun) < 0.02
+    pairs = [apart(one, other) for one, other in combinations(begun, 2)]
+    assert min(pairs) > 1e-5  # no tested one is among those to learn from, nor is it another seed's
+    fallen = starts(0, tmp_path / "fall", "long")
+    assert max(apart(points, own) for points in fallen["test"]) > 0.1
+
+
+def test_other_starts_are_other_settings_and_other_trajectories_of_the_same_seeds() -> None:
+    one, other = read_table("long"), read_table("long", "", ["starts=perturbed"])
+    cell = one.cells()[0]
+    assert settings_digest(one, cell) != settings_digest(other, cell)
+    plans = [DataSets(table, "prism3", Path()).plans for table in (one, other)]
+    assert not {plan.id for plan in plans[0]} & {plan.id for plan in plans[1]}
+    assert [plan.seed for plan in plans[0]] == [plan.seed for plan in plans[1]]
+    with pytest.raises(FlywheelError, match="a real robot stands where it is"):
+        read_table("real2sim", "smoke", ["starts=perturbed"])
 
 
 @pytest.mark.parametrize(

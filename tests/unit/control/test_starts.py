@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from flywheel.control import above_ground, by_a_box, random_drop, standing, thrown
-from flywheel.control.starts import HEIGHT
+from flywheel.control import above_ground, by_a_box, perturbed, random_drop, standing, thrown
+from flywheel.control.starts import HEIGHT, TILT
 from flywheel.dynamics.plant import Plant
 from flywheel.errors import ConfigError, RobotError
 from flywheel.records import State
@@ -83,6 +83,27 @@ def test_drops_are_turned_any_way_alike(plant: Plant) -> None:
     along /= np.linalg.norm(along, axis=1, keepdims=True)
     np.testing.assert_allclose(along.mean(axis=0), 0.0, atol=0.04)
     np.testing.assert_allclose(along.T @ along / 4000, np.eye(3) / 3, atol=0.03)
+
+
+def test_a_perturbed_robot_is_a_tilted_keyframe_just_above_the_ground(plant: Plant) -> None:
+    """Tilted by any angle up to the largest, in any direction, with any heading."""
+    begun = perturbed(plant, np.random.default_rng(5), 2000)
+    points, own = plant.observe(begun).points, plant.observe(plant.rest()).points[0]
+    turns = Rotation.concatenate(
+        [Rotation.align_vectors(p - p.mean(axis=0), own - own.mean(axis=0))[0] for p in points]
+    )
+    tilted = np.arccos(turns.as_matrix()[:, 2, 2])
+    assert tilted.max() <= TILT + 1e-9 and tilted.mean() == pytest.approx(TILT / 2, rel=0.05)
+    directions = np.exp(1j * turns.as_euler("ZXZ")[:, [0, 2]])  # of the tilt, and of the robot
+    assert np.abs(directions.mean(axis=0)).max() < 0.06
+    shape = [
+        np.linalg.norm(p[..., :, None, :] - p[..., None, :, :], axis=-1) for p in (points, own)
+    ]
+    np.testing.assert_allclose(shape[0], np.broadcast_to(shape[1], shape[0].shape), atol=1e-9)
+    radius = plant.robot.points[0].radius
+    lowest = (points[..., 2] - radius).min(axis=1) / plant.robot.length
+    np.testing.assert_allclose(lowest, HEIGHT[0])
+    assert not begun.qvel.any()
 
 
 @dataclass
