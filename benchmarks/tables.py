@@ -112,12 +112,11 @@ def paper_left_out() -> list[str]:
     return left_out_table((read_table(name), paper_rows(name)) for name in table_names())
 
 
-def paper_plants() -> list[str]:
-    """Errors of the long training on each plant, and of exact physics restarted in brackets."""
-    restarted = [
-        row for row in paper_rows("sim2sim") if (row.robot, row.method) == ("prism3", "restarted")
-    ]
-    return plants_table(paper_rows("long"), restarted)
+def paper_plants(name: str, physics: str) -> list[str]:
+    """Errors of the long training on each plant of a table, and of exact physics, restarted, in another."""
+    trained = [row for row in paper_rows(name) if row.method == "network_long"]
+    restarted = [row for row in paper_rows(physics) if row.method == "restarted"]
+    return plants_table(trained, [row for row in restarted if row.robot == "prism3"])
 
 
 TABLES: dict[str, Callable[[], list[str]]] = {
@@ -158,7 +157,8 @@ TABLES: dict[str, Callable[[], list[str]]] = {
         "s_course",
     ),
     "paper-left-out": paper_left_out,
-    "paper-plants": paper_plants,
+    "paper-plants": lambda: paper_plants("long", "sim2sim"),
+    "paper-plants-perturbed": lambda: paper_plants("perturbed", "perturbed"),
     **{
         f"paper-{file.stem}": lambda name=file.stem: result_table(  # type: ignore[misc]
             read_table(name), paper_rows(name)
