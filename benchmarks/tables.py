@@ -18,7 +18,7 @@ from __future__ import annotations
 import argparse
 import re
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -112,11 +112,20 @@ def paper_left_out() -> list[str]:
     return left_out_table((read_table(name), paper_rows(name)) for name in table_names())
 
 
-def paper_plants(name: str, physics: str) -> list[str]:
-    """Errors of the long training on each plant of a table, and of exact physics, restarted, in another."""
-    trained = [row for row in paper_rows(name) if row.method == "network_long"]
-    restarted = [row for row in paper_rows(physics) if row.method == "restarted"]
-    return plants_table(trained, [row for row in restarted if row.robot == "prism3"])
+def paper_plants() -> list[str]:
+    """Errors of the long training on each plant, by table, and of exact physics, restarted, in brackets."""
+    lines: list[str] = []
+    for name, physics in (("long", "sim2sim"), ("perturbed", "perturbed")):
+        trained, restarted = (
+            [
+                replace(row, dataset=f"{name}: {row.dataset}")
+                for row in paper_rows(table)
+                if (row.robot, row.method) == ("prism3", method)
+            ]
+            for table, method in ((name, "network_long"), (physics, "restarted"))
+        )
+        lines += plants_table(trained, restarted)[2 if lines else 0 :]
+    return lines
 
 
 TABLES: dict[str, Callable[[], list[str]]] = {
@@ -157,8 +166,7 @@ TABLES: dict[str, Callable[[], list[str]]] = {
         "s_course",
     ),
     "paper-left-out": paper_left_out,
-    "paper-plants": lambda: paper_plants("long", "sim2sim"),
-    "paper-plants-perturbed": lambda: paper_plants("perturbed", "perturbed"),
+    "paper-plants": paper_plants,
     **{
         f"paper-{file.stem}": lambda name=file.stem: result_table(  # type: ignore[misc]
             read_table(name), paper_rows(name)
