@@ -10,7 +10,7 @@ from enum import StrEnum
 import numpy as np
 
 from flywheel.diagnosis import Verdict
-from flywheel.diagnosis.selection.score_test import Score
+from flywheel.diagnosis.selection.scores import Score
 from flywheel.effects import EFFECTS, FORMS
 from flywheel.truth_simulator import OTHER_FORMS, EffectTruth
 

@@ -18,6 +18,11 @@ from flywheel.diagnosis.checks.first_lengths import far_first_lengths
 from flywheel.diagnosis.checks.held_out import HeldOut, errors
 from flywheel.diagnosis.checks.localisation import localise
 from flywheel.diagnosis.checks.model_discrepancy import model_discrepancy
+from flywheel.diagnosis.checks.suspect_parameters import (
+    SuspectParameter,
+    far_off_parameters,
+    suspect_parameters,
+)
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
 from flywheel.diagnosis.fitting.model import ModelUnderTest
 from flywheel.diagnosis.fitting.nuisance import as_built_terms, calibrated, unsure_terms
@@ -36,14 +41,9 @@ from flywheel.diagnosis.results.evidence import Evidence
 from flywheel.diagnosis.results.numbers_as_built import AsBuiltNumbers
 from flywheel.diagnosis.results.verdict import beyond, only_noise, other_form, verdict_of
 from flywheel.diagnosis.selection.candidates import Candidate, candidates
-from flywheel.diagnosis.selection.score_test import ScoredModel
+from flywheel.diagnosis.selection.scores import ScoredModel
 from flywheel.diagnosis.selection.search import Search
 from flywheel.diagnosis.selection.stepwise import in_time_steps, stepwise
-from flywheel.diagnosis.selection.suspect_parameters import (
-    SuspectParameter,
-    far_off_parameters,
-    suspect_parameters,
-)
 from flywheel.diagnosis.settings import Settings
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS, FORMS, NAMED, PROBES, Effect, Terms

@@ -25,7 +25,7 @@ from flywheel.diagnosis.selection.alternatives import exchanged, model_without
 from flywheel.diagnosis.selection.candidates import families, places
 from flywheel.diagnosis.selection.criterion import promised
 from flywheel.diagnosis.selection.misspecification import is_probe, misspecification, probed
-from flywheel.diagnosis.selection.score_test import Linearised, ScoredModel
+from flywheel.diagnosis.selection.scores import Linearised, ScoredModel
 from flywheel.diagnosis.selection.search import Search, added
 from flywheel.diagnosis.settings import Limits
 from flywheel.effects import PerPart, Term, at_same_size, taken_apart

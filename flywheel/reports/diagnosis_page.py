@@ -10,8 +10,8 @@ import numpy as np
 from flywheel.diagnosis import Diagnosis, Verdict
 from flywheel.diagnosis.checks.first_lengths import FirstLength
 from flywheel.diagnosis.checks.held_out_gain import Gain
+from flywheel.diagnosis.checks.suspect_parameters import SuspectParameter
 from flywheel.diagnosis.results.verdict import Alternative, Value, tolerated
-from flywheel.diagnosis.selection.suspect_parameters import SuspectParameter
 from flywheel.outputs import write_output
 from flywheel.reports.diagnosis_figures import PICTURES
 from flywheel.reports.html import render

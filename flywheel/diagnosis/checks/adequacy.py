@@ -8,7 +8,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
-from flywheel.diagnosis.selection.score_test import ScoreTest
+from flywheel.diagnosis.selection.scores import ScoreTest
 from flywheel.diagnosis.statistics import RARE
 from flywheel.records import Floats
 
@@ -79,13 +79,13 @@ def own_errors(fitter: Fitter, test: ScoreTest) -> OwnErrors | None:
     return OwnErrors(*np.quantile(found, QUANTILE, axis=0).tolist())
 
 
-def adequacy(fitter: Fitter, fit: Fit, test: ScoreTest, by_value: Floats | None) -> Adequacy:
+def adequacy(fitter: Fitter, fit: Fit, test: ScoreTest, by_value: Floats) -> Adequacy:
     """Assess the residual of a fit; every window counts in full.
 
     Args:
       fitter, fit: the model.
       test: on top of it.
-      by_value: (K, D, n) sensitivities to its fitted values; None without any.
+      by_value: (K, D, n) sensitivities to its fitted values.
     """
     windows = fitter.windows
     shape = windows.measured.shape
@@ -132,10 +132,8 @@ def sample_correlation(residual: Floats, shape: tuple[int, ...]) -> float:
     return float((in_time[:, 1:] * in_time[:, :-1]).sum() / max(power, 1e-300))
 
 
-def _inconstancy(fit: Fit, test: ScoreTest, by_value: Floats | None) -> float:
+def _inconstancy(fit: Fit, test: ScoreTest, by_value: Floats) -> float:
     """Chow's test of each size: equality over all windows."""
-    if by_value is None:
-        return 0.0
     start = 0
     worst = 0.0
     for term in fit.terms:

@@ -12,14 +12,8 @@ from dataclasses import replace
 import numpy as np
 
 from flywheel.diagnosis.fitting.least_squares import Fitter
-from flywheel.diagnosis.selection.score_test import (
-    DEAD,
-    PART,
-    Score,
-    ScoredModel,
-    secants,
-    slices_of,
-)
+from flywheel.diagnosis.fitting.projection import DEAD
+from flywheel.diagnosis.selection.scores import PART, Score, ScoredModel, secants, slices_of
 from flywheel.records import Floats
 
 LEAST = 1e-4  # share that counts as none

@@ -20,7 +20,7 @@ from flywheel.diagnosis.checks.held_out import Errors
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
 from flywheel.diagnosis.fitting.parameters import FreeParameter
 from flywheel.diagnosis.selection.misspecification import is_probe
-from flywheel.diagnosis.selection.score_test import ScoredModel, ScoreTest
+from flywheel.diagnosis.selection.scores import ScoredModel, ScoreTest
 from flywheel.effects import Cables, Parameter, TensionEffect, Term, Terms
 from flywheel.effects.effect import Memory, Values
 from flywheel.records import Floats

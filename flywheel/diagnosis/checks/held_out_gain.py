@@ -14,7 +14,8 @@ import numpy as np
 
 from flywheel.diagnosis.checks.held_out import HeldOut, beyond_noise
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter, Jacobian
-from flywheel.diagnosis.selection.score_test import Linearised, Projection
+from flywheel.diagnosis.fitting.projection import Projection
+from flywheel.diagnosis.selection.scores import Linearised
 from flywheel.records import Floats
 
 RESAMPLES = 4000
@@ -113,27 +114,24 @@ def _gain(first: Floats, gained: Floats, held_out: int, seed: int) -> Gain:
     return Gain(float(gained.sum()) / whole, float(low), float(high), clear, count, held_out)
 
 
-def left_out_squares(
-    fitter: Fitter, fit: Fit, jacobian: Jacobian, by_value: Floats | None
-) -> Floats:
+def left_out_squares(fitter: Fitter, fit: Fit, jacobian: Jacobian, by_value: Floats) -> Floats:
     """(K,) squares beyond noise of every window, predicted by values fitted to all others.
 
     Args:
       fitter, fit, jacobian: of the model.
-      by_value: (K, D, n) sensitivities to its values; None without any.
+      by_value: (K, D, n) sensitivities to its values.
     """
-    alone = Projection.of(fitter, jacobian, None, np.ones(len(fit.local)))
+    alone = Projection.of(fitter, jacobian)
     count = len(fit.local)
     residual = alone(fit.residual[..., None]).reshape(count, -1)
-    if by_value is not None:
-        free = fitter.free(fit.terms)
-        columns = alone(by_value).reshape(count, residual.shape[1], -1)
-        values = np.array([f.value(fit.terms) for f in free])
-        known = np.array([1.0 / min(f.prior, WIDE) ** 2 for f in free])
-        own = np.einsum("kds,kdt->kst", columns, columns, optimize=True)
-        right = np.einsum("kds,kd->ks", columns, residual)
-        others = own.sum(axis=0) - own + np.diag(known)
-        wanted = right.sum(axis=0) - right - known * values
-        moved = np.linalg.solve(others, wanted[..., None])
-        residual = residual - (columns @ moved)[..., 0]
+    free = fitter.free(fit.terms)
+    columns = alone(by_value).reshape(count, residual.shape[1], len(free))
+    values = np.array([f.value(fit.terms) for f in free])
+    known = np.array([1.0 / min(f.prior, WIDE) ** 2 for f in free])
+    own = np.einsum("kds,kdt->kst", columns, columns, optimize=True)
+    right = np.einsum("kds,kd->ks", columns, residual)
+    others = own.sum(axis=0) - own + np.diag(known)
+    wanted = right.sum(axis=0) - right - known * values
+    moved = np.linalg.solve(others, wanted[..., None])
+    residual = residual - (columns @ moved)[..., 0]
     return beyond_noise(fitter, (residual**2).sum(axis=1))

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from flywheel.diagnosis.fitting.least_squares import Fitter
-from flywheel.diagnosis.selection.score_test import ScoreTest
+from flywheel.diagnosis.selection.scores import ScoreTest
 from flywheel.records import Floats
 
 PIECES = 10  # of a window

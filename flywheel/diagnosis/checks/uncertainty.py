@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter, Jacobian
-from flywheel.diagnosis.selection.score_test import Projection
+from flywheel.diagnosis.fitting.projection import Projection
 from flywheel.diagnosis.statistics import INTERVAL
 from flywheel.records import Floats
 
@@ -51,7 +51,7 @@ def uncertainty(
     free = fitter.free(fit.terms)
     columns = fitter.by_value(fit, free)
     jacobian = jacobian or fitter.jacobian(fit)
-    projection = Projection.of(fitter, jacobian, None, np.ones(len(columns)))
+    projection = Projection.of(fitter, jacobian)
     left, residual = projection(columns), projection(fit.residual[..., None])[:, 0]
     known = np.array([1.0 / f.prior**2 for f in free])
     inverse = np.linalg.pinv(left.T @ left + np.diag(known), rcond=1e-12)

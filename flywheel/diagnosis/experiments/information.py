@@ -16,10 +16,11 @@ import numpy as np
 
 from flywheel.diagnosis.fitting.model import usual_window
 from flywheel.diagnosis.fitting.plant_fit import PlantFitter
+from flywheel.diagnosis.fitting.projection import DEAD, Projection
 from flywheel.diagnosis.fitting.simulation import WindowSimulator
 from flywheel.diagnosis.fitting.windows import ChannelNoise, Windows
 from flywheel.diagnosis.selection.candidates import Candidate
-from flywheel.diagnosis.selection.score_test import DEAD, Projection, slices_of, smallest_shown
+from flywheel.diagnosis.selection.scores import slices_of, smallest_shown
 from flywheel.diagnosis.settings import FittingSettings, Limits, Settings
 from flywheel.diagnosis.statistics import chance
 from flywheel.dynamics.plant import AugmentedPlant, Motion, Plant
@@ -199,7 +200,7 @@ def _grams(
     shared = [fitter.step_error(fit), fitter.by_value(fit, fitter.free(fit.terms))]
     nuisances = np.concatenate(shared, axis=2)
     nuisances = _each_recording_its_own(nuisances, windows)
-    projection = Projection.of(fitter, fitter.jacobian(fit), nuisances, np.ones(len(windows)))
+    projection = Projection.of(fitter, fitter.jacobian(fit), nuisances)
     left = projection(fitter.columns(fit, terms)).reshape(len(windows), -1, len(terms))
     grams = np.zeros((len(windows.recordings), len(terms), len(terms)))
     np.add.at(grams, windows.recording, left.swapaxes(1, 2) @ left)

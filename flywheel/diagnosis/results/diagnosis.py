@@ -13,6 +13,7 @@ from flywheel.diagnosis.checks.first_lengths import FirstLength
 from flywheel.diagnosis.checks.held_out import Errors
 from flywheel.diagnosis.checks.held_out_gain import Gain
 from flywheel.diagnosis.checks.localisation import Location
+from flywheel.diagnosis.checks.suspect_parameters import SuspectParameter
 from flywheel.diagnosis.heartbeat import Failure
 from flywheel.diagnosis.results.answer import FORMAT
 from flywheel.diagnosis.results.evidence import Evidence
@@ -20,8 +21,7 @@ from flywheel.diagnosis.results.next_experiment import NextExperiment, next_expe
 from flywheel.diagnosis.results.numbers_as_built import AsBuiltNumbers
 from flywheel.diagnosis.results.verdict import EXIT_CODES, INTERRUPTED, Alternative, Verdict
 from flywheel.diagnosis.selection.misspecification import NONE, Misspecification
-from flywheel.diagnosis.selection.score_test import Score
-from flywheel.diagnosis.selection.suspect_parameters import SuspectParameter
+from flywheel.diagnosis.selection.scores import Score
 from flywheel.diagnosis.settings import Settings, unusual
 from flywheel.effects.own import law_files
 

@@ -10,7 +10,7 @@ import numpy as np
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
 from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.diagnosis.selection.candidates import Candidate
-from flywheel.diagnosis.selection.score_test import ScoredModel
+from flywheel.diagnosis.selection.scores import ScoredModel
 from flywheel.diagnosis.statistics import INTERVAL
 from flywheel.effects import Term
 from flywheel.records import Floats

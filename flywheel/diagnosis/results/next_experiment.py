@@ -9,7 +9,7 @@ from typing import Any
 from flywheel.diagnosis.results.evidence import Evidence
 from flywheel.diagnosis.results.verdict import Alternative, Verdict
 from flywheel.diagnosis.selection.candidates import Candidate
-from flywheel.diagnosis.selection.score_test import Score
+from flywheel.diagnosis.selection.scores import Score
 from flywheel.effects import PROBES
 
 SHOWN = 3  # effects whose best experiment is named

@@ -9,7 +9,7 @@ from functools import partial
 from flywheel.diagnosis.fitting.least_squares import Fit
 from flywheel.diagnosis.selection.candidates import places
 from flywheel.diagnosis.selection.misspecification import probed
-from flywheel.diagnosis.selection.score_test import Linearised, Score, ScoredModel
+from flywheel.diagnosis.selection.scores import Linearised, Score, ScoredModel
 from flywheel.diagnosis.selection.search import Search, added, without
 from flywheel.effects import Term, alike
 

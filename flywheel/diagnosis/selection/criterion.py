@@ -18,7 +18,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
-from flywheel.diagnosis.selection.score_test import Linearised, Projection
+from flywheel.diagnosis.fitting.projection import Projection
+from flywheel.diagnosis.selection.scores import Linearised
 from flywheel.effects import Term
 
 
@@ -62,9 +63,9 @@ def promised(
     free = sorted(fitter.free(begun.terms), key=lambda f: new[f.term])
     had = sum(not new[f.term] for f in free)
     columns, prior = fitter.by_value(begun, free), np.array([f.prior for f in free])
-    residual, ones = model.fit.residual[..., None], np.ones(len(begun.local))
+    residual = model.fit.residual[..., None]
     less, more = (
-        Projection.of(fitter, model.jacobian, columns[..., :count], ones, prior[:count])
+        Projection.of(fitter, model.jacobian, columns[..., :count], None, prior[:count])
         for count in (had, len(free))
     )
     before = float((less(residual) ** 2).sum()) + less.price

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from flywheel.diagnosis.fitting.least_squares import Fit
-from flywheel.diagnosis.selection.score_test import Score
+from flywheel.diagnosis.selection.scores import Score
 from flywheel.effects import PROBES, Effect, Terms
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
 from flywheel.diagnosis.selection.candidates import Candidate, families
 from flywheel.diagnosis.selection.criterion import Promise, promised
-from flywheel.diagnosis.selection.score_test import Score, ScoredModel, slices_of
+from flywheel.diagnosis.selection.scores import Score, ScoredModel, slices_of
 from flywheel.diagnosis.selection.search import Search, without
 from flywheel.effects import (
     Term,

@@ -14,7 +14,7 @@ import numpy as np
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
 from flywheel.diagnosis.fitting.nuisance import as_said
 from flywheel.diagnosis.selection.candidates import Candidate, at_parts, places
-from flywheel.diagnosis.selection.score_test import (
+from flywheel.diagnosis.selection.scores import (
     Score,
     ScoredModel,
     ScoreTest,

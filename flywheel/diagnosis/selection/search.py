@@ -14,7 +14,7 @@ from flywheel.diagnosis.fitting.stopping import out_of_reach
 from flywheel.diagnosis.heartbeat import Heartbeat
 from flywheel.diagnosis.selection.candidates import Candidate, places
 from flywheel.diagnosis.selection.criterion import Promise, criterion, promised
-from flywheel.diagnosis.selection.score_test import (
+from flywheel.diagnosis.selection.scores import (
     Linearised,
     Score,
     ScoredModel,
@@ -63,7 +63,7 @@ class Search:
         fitter, free = self.fitter, self.fitter.free(fit.terms)
         jacobian = jacobian or fitter.jacobian(fit)
         fit = replace(fit, cache=replace(fitter.cached(jacobian), kept=fit.kept))
-        return Linearised(fit, jacobian, fitter.by_value(fit, free) if free else None)
+        return Linearised(fit, jacobian, fitter.by_value(fit, free))
 
     def score_all(self, fit: Fit, jacobian: Jacobian | None = None) -> ScoredModel:
         """Score all candidates and probes on top of a model, whose Jacobian may be available."""
@@ -74,8 +74,7 @@ class Search:
         if isinstance(model, ScoredModel):
             return model
         fitter, fit, by_value = self.fitter, model.fit, model.by_value
-        numerics = fitter.step_error(fit)
-        known = numerics if by_value is None else np.concatenate([numerics, by_value], axis=2)
+        known = np.concatenate([fitter.step_error(fit), by_value], axis=2)
         everything = (*self.library, *self.probes)
         prior = [(f.value(fit.terms), f.prior) for f in fitter.free(fit.terms)]
         jacobian = model.jacobian

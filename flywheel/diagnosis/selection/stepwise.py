@@ -17,7 +17,7 @@ from flywheel.diagnosis.heartbeat import Interrupted
 from flywheel.diagnosis.selection.candidates import places
 from flywheel.diagnosis.selection.other_forms import in_other_forms, promised_per_part
 from flywheel.diagnosis.selection.proposals import proposals
-from flywheel.diagnosis.selection.score_test import ScoredModel
+from flywheel.diagnosis.selection.scores import ScoredModel
 from flywheel.diagnosis.selection.search import Search, added
 from flywheel.diagnosis.statistics import RARE
 from flywheel.effects import Terms, usual

@@ -19,7 +19,7 @@ from flywheel.diagnosis.results.verdict import Facts
 from flywheel.diagnosis.selection import alternatives
 from flywheel.diagnosis.selection.alternatives import ExchangedModels
 from flywheel.diagnosis.selection.candidates import candidates
-from flywheel.diagnosis.selection.score_test import Score
+from flywheel.diagnosis.selection.scores import Score
 from flywheel.diagnosis.selection.search import Search
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS, Term

@@ -15,7 +15,7 @@ from flywheel.diagnosis.fitting.model import ModelUnderTest, fitted
 from flywheel.diagnosis.fitting.nuisance import as_built_terms, asked
 from flywheel.diagnosis.selection.candidates import candidates
 from flywheel.diagnosis.selection.other_forms import in_other_forms
-from flywheel.diagnosis.selection.score_test import ScoredModel
+from flywheel.diagnosis.selection.scores import ScoredModel
 from flywheel.diagnosis.selection.search import SHAKE, Search
 from flywheel.diagnosis.selection.stepwise import USUALLY_OFF, _as_built, _numbers_are_needed
 from flywheel.diagnosis.settings import AsBuiltSettings, FittingSettings

@@ -7,7 +7,7 @@ from flywheel.diagnosis.checks.detectability import LEAST, common_share, detecta
 from flywheel.diagnosis.fitting.model import fitted
 from flywheel.diagnosis.fitting.plant_fit import PlantFitter
 from flywheel.diagnosis.selection.candidates import candidates
-from flywheel.diagnosis.selection.score_test import ScoredModel
+from flywheel.diagnosis.selection.scores import ScoredModel
 from flywheel.diagnosis.selection.search import Search
 from flywheel.effects import EFFECTS
 from flywheel.robots import Robot

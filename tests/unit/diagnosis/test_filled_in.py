@@ -12,10 +12,11 @@ from flywheel.diagnosis.checks.model_discrepancy import model_discrepancy
 from flywheel.diagnosis.fitting.model import fitted, fitter_of
 from flywheel.diagnosis.fitting.network_fit import NetworkFitter
 from flywheel.diagnosis.fitting.plant_fit import PlantFitter
+from flywheel.diagnosis.fitting.projection import Projection
 from flywheel.diagnosis.fitting.subject import Subject
 from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.diagnosis.selection.candidates import candidates
-from flywheel.diagnosis.selection.score_test import Projection, score_test
+from flywheel.diagnosis.selection.scores import score_test
 from flywheel.dynamics.plant import Plant, RestartedPlant
 from flywheel.effects import EFFECTS
 from flywheel.records import Floats, Observation, Past, Rollout, Trajectory

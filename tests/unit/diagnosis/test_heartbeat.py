@@ -15,7 +15,7 @@ from flywheel.diagnosis.heartbeat import (
     Interrupted,
 )
 from flywheel.diagnosis.results.answer import Answer
-from flywheel.diagnosis.selection.score_test import ScoredModel
+from flywheel.diagnosis.selection.scores import ScoredModel
 from flywheel.diagnosis.selection.search import Search
 from flywheel.diagnosis.settings import changed
 from flywheel.dynamics.plant import Plant

@@ -11,7 +11,7 @@ from flywheel.diagnosis.checks import held_out_gain
 from flywheel.diagnosis.checks.held_out_gain import Gain, UnseenWindows, left_out_squares
 from flywheel.diagnosis.results.verdict import worth_having
 from flywheel.diagnosis.settings import Limits
-from tests.unit.diagnosis.test_score_test import LOCAL, WINDOWS, Case, case  # noqa: F401
+from tests.unit.diagnosis.test_scores import LOCAL, WINDOWS, Case, case  # noqa: F401
 
 VALUES = 2
 

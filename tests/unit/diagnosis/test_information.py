@@ -8,7 +8,7 @@ import pytest
 from flywheel.diagnosis.experiments.command_scripts import FAMILIES, WinchRange
 from flywheel.diagnosis.experiments.information import Information, information_of, simulate_scripts
 from flywheel.diagnosis.selection.candidates import candidates
-from flywheel.diagnosis.selection.score_test import slices_of
+from flywheel.diagnosis.selection.scores import slices_of
 from flywheel.diagnosis.statistics import chance
 from flywheel.dynamics.plant import Plant
 from flywheel.dynamics.plant.tautness import taut_share

@@ -10,9 +10,10 @@ from flywheel.diagnosis.fitting import least_squares
 from flywheel.diagnosis.fitting.least_squares import Fit, Jacobian, JacobianCache, Restart
 from flywheel.diagnosis.fitting.model import fitted, fitter_of
 from flywheel.diagnosis.fitting.plant_fit import PlantFitter
+from flywheel.diagnosis.fitting.projection import Projection
 from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.diagnosis.selection.candidates import Candidate, candidates
-from flywheel.diagnosis.selection.score_test import Projection, score_test
+from flywheel.diagnosis.selection.scores import score_test
 from flywheel.dynamics.plant import Plant, between, moved
 from flywheel.effects import EFFECTS, Term
 from flywheel.robots import Robot
@@ -229,8 +230,8 @@ def test_of_two_secants_the_one_that_promises_more_counts(fitter, fit, library, 
     off = replace(fit, residual=40.0 * column / np.linalg.norm(column))  # forty sigmas
 
     def statistics(large: float, part: float) -> list[float]:
-        monkeypatch.setattr("flywheel.diagnosis.selection.score_test.LARGE", large)
-        monkeypatch.setattr("flywheel.diagnosis.selection.score_test.PART", part)
+        monkeypatch.setattr("flywheel.diagnosis.selection.scores.LARGE", large)
+        monkeypatch.setattr("flywheel.diagnosis.selection.scores.PART", part)
         test = score_test(fitter, off, library)
         return [score.statistic for score in test.scores()]
 

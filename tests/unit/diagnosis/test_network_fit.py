@@ -91,7 +91,7 @@ def test_its_own_errors_are_far_above_the_noise_and_are_not_taken_for_an_effect(
     assert own is not None
     assert scored.test.noise < 1.5 * max(1.0, own.noise), seed
     assert scored.scores[0].score < max(25.0, 2 * own.score), seed
-    left, outstanding = adequacy(fitter, fit, scored.test, None), Limits().outstanding
+    left, outstanding = adequacy(fitter, fit, scored.test, scored.by_value), Limits().outstanding
     assert left.loudest < max(outstanding, own.loudest), seed
     assert own.loudest > outstanding, seed  # far louder in one window than noise ever is
 

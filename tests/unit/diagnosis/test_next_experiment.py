@@ -9,7 +9,7 @@ from flywheel.diagnosis.results.evidence import Evidence
 from flywheel.diagnosis.results.next_experiment import NextExperiment, next_experiment
 from flywheel.diagnosis.results.verdict import Alternative, found
 from flywheel.diagnosis.selection.candidates import Candidate, candidates
-from flywheel.diagnosis.selection.score_test import Score
+from flywheel.diagnosis.selection.scores import Score
 from flywheel.effects import EFFECTS
 from flywheel.records import Floats
 from flywheel.robots import Robot

@@ -7,19 +7,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
-from flywheel.diagnosis.fitting.model import fitted, fitter_of
-from flywheel.diagnosis.fitting.nuisance import unsure_terms
-from flywheel.diagnosis.fitting.windows import Windows
-from flywheel.diagnosis.selection.candidates import candidates
-from flywheel.diagnosis.selection.score_test import ScoredModel, further_scores
-from flywheel.diagnosis.selection.search import Search
-from flywheel.diagnosis.selection.suspect_parameters import (
+from flywheel.diagnosis.checks.suspect_parameters import (
     SuspectParameter,
     _scores,
     far_off_parameters,
     suspect_parameters,
 )
+from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
+from flywheel.diagnosis.fitting.model import fitted, fitter_of
+from flywheel.diagnosis.fitting.nuisance import unsure_terms
+from flywheel.diagnosis.fitting.windows import Windows
+from flywheel.diagnosis.selection.candidates import candidates
+from flywheel.diagnosis.selection.scores import ScoredModel, further_scores
+from flywheel.diagnosis.selection.search import Search
 from flywheel.diagnosis.settings import Limits
 from flywheel.dynamics.plant import Plant, PlantParameters
 from flywheel.effects import CALIBRATIONS, EFFECTS, Term, Terms
@@ -27,7 +27,7 @@ from flywheel.reports.diagnosis_page import suspects
 from flywheel.robots import Robot, load_robot
 from tests.unit.diagnosis.conftest import recorded
 
-SUSPECTS = "flywheel.diagnosis.selection.suspect_parameters"
+SUSPECTS = "flywheel.diagnosis.checks.suspect_parameters"
 pytestmark = pytest.mark.slow
 
 FEW = {"winch_gain": EFFECTS["winch_gain"]}  # which is unlike the numbers in any recording
@@ -177,7 +177,7 @@ def test_a_number_at_its_bound_comes_after_one_that_explains_within_its_bounds(
         fit, terms = begun.fit, (*begun.fit.terms, Term(effect, None, (off,)))
         return replace(fit, terms=terms, cost=fit.cost - (2000.0 if mass else 1000.0))
 
-    monkeypatch.setattr("flywheel.diagnosis.selection.suspect_parameters._fitted_alone", alone)
+    monkeypatch.setattr("flywheel.diagnosis.checks.suspect_parameters._fitted_alone", alone)
     first, last = far_off_parameters(search, [model], MOST)
     assert (first.name, last.name) == ("cable_stiffness", "body_mass") and last.at_bound
     words = suspects(SimpleNamespace(suspects=(first, last)))

@@ -9,7 +9,7 @@ from typing import Any
 from flywheel.diagnosis.fitting.least_squares import Fit
 from flywheel.diagnosis.fitting.nuisance import asked
 from flywheel.diagnosis.selection.candidates import candidates
-from flywheel.diagnosis.selection.score_test import Score, ScoredModel, further_scores
+from flywheel.diagnosis.selection.scores import Score, ScoredModel, further_scores
 from flywheel.diagnosis.selection.search import Search, added
 from flywheel.effects import CALIBRATIONS, EFFECTS, Term
 

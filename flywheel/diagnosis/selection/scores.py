@@ -14,124 +14,17 @@ from functools import cached_property
 
 import numpy as np
 
-from flywheel.diagnosis.fitting.least_squares import Fit, Fitter, Jacobian, local_bases
+from flywheel.diagnosis.fitting.least_squares import Fit, Fitter, Jacobian
+from flywheel.diagnosis.fitting.projection import DEAD, Projection
 from flywheel.diagnosis.selection.candidates import Candidate
 from flywheel.diagnosis.settings import Limits
 from flywheel.diagnosis.statistics import POWER, chance
 from flywheel.effects import Parameter, Term
 from flywheel.records import Floats
 
-DEAD = 1e-6  # a sensitivity below this many sigmas means that the knob is not connected
 # Change of some window by a typical size [sigma], above which this part of it is tried, too: a rolling robot
 # soon rolls elsewhere.
 LARGE, PART = 1.0, 0.1
-
-
-@dataclass(frozen=True)
-class Projection:
-    """Removes from vectors the part explained by nuisance parameters.
-
-    Attributes:
-      bases: (K, D + X, X) orthonormal, of the local parameters with their priors.
-      shared: (K, D + X, S) orthonormal over all windows together, of the shared parameters.
-      shares: (S,) removed fraction of each: all of it, or less with a prior, so that products of
-        the rest are those of the inverse covariance.
-      weights: (K,) of the windows, at most 1; a bad window counts less.
-    """
-
-    bases: Floats
-    shared: Floats
-    shares: Floats
-    weights: Floats
-
-    @classmethod
-    def of(
-        cls,
-        fitter: Fitter,
-        jacobian: Jacobian,
-        by_value: Floats | None,
-        weights: Floats,
-        prior: Floats | None = None,
-    ) -> Projection:
-        """Remove initial states, offsets, and (K, D, n) the values in the model.
-
-        Args:
-          fitter, jacobian: of the model.
-          by_value: sensitivities to the values.
-          weights: (K,) of the windows.
-          prior: (n,) standard deviations of the values, infinite without a prior; None for that.
-        """
-        root = weights[:, None, None]
-        bases = local_bases(jacobian.by_local * root, fitter.local_prior)
-        shared = fitter.by_shared(jacobian, None) * root
-        values = np.zeros((*shared.shape[:2], 0)) if by_value is None else by_value * root
-        prior = np.full(values.shape[2], np.inf) if prior is None else prior
-        unknown = np.isinf(prior)
-        shared = np.concatenate([shared, values[..., unknown]], axis=2)
-        partial = cls(bases, np.zeros((*bases.shape[:2], 0)), np.zeros(0), weights)
-        left = partial._without_local(partial._padded(shared))
-        flat = _flat(left)
-        norms = np.linalg.norm(flat, axis=0)
-        flat = flat[:, norms > DEAD] / norms[norms > DEAD]
-        vectors, spread, _ = np.linalg.svd(flat, full_matrices=False)
-        kept = vectors[:, spread > 1e-8 * max(spread.max(initial=0.0), 1e-300)]
-        shares = np.ones(kept.shape[1])
-        if not unknown.all():
-            known = partial._without_local(partial._padded(values[..., ~unknown] * prior[~unknown]))
-            flat = _flat(known)
-            vectors, spread, _ = np.linalg.svd(flat - kept @ (kept.T @ flat), full_matrices=False)
-            kept = np.concatenate([kept, vectors], axis=1)
-            shares = np.concatenate([shares, 1.0 - 1.0 / np.sqrt(1.0 + spread**2)])
-        return cls(bases, kept.reshape(*left.shape[:2], kept.shape[1]), shares, weights)
-
-    @property
-    def taken(self) -> float:
-        """Degrees of freedom taken by shared parameters from a fitted residual."""
-        return float((1.0 - (1.0 - self.shares) ** 2).sum())
-
-    @property
-    def price(self) -> float:
-        """Logarithm of the likelihood penalty, relative to a fit, for values with alternatives.
-
-        For those with a prior: the counterpart of log n in the Bayesian information criterion.
-        """
-        return float(-2.0 * np.log(1.0 - self.shares[self.shares < 1.0]).sum())
-
-    def with_priors_scaled(self, factor: float) -> Projection:
-        """The same with priors whose standard deviation is multiplied by a factor."""
-        known = self.shares < 1.0
-        variance = 1.0 / (1.0 - self.shares[known]) ** 2 - 1.0  # see `of`
-        shares = self.shares.copy()
-        shares[known] = 1.0 - 1.0 / np.sqrt(1.0 + factor**2 * variance)
-        return replace(self, shares=shares)
-
-    @property
-    def unknown(self) -> Projection:
-        """The same without the quantities that have a prior."""
-        everything = self.shares == 1.0
-        return replace(self, shared=self.shared[..., everything], shares=self.shares[everything])
-
-    def __call__(self, vectors: Floats) -> Floats:
-        """(K (D + X), n) rest of vectors (K, D, n)."""
-        left, shared = _flat(self.without_local(vectors)), _flat(self.shared)
-        return left - shared @ (self.shares[:, None] * (shared.T @ left))
-
-    def without_local(self, vectors: Floats) -> Floats:
-        """(K, D + X, n) rest of vectors (K, D, n) after the local parameters."""
-        return self._without_local(self._padded(vectors * self.weights[:, None, None]))
-
-    def _padded(self, vectors: Floats) -> Floats:
-        missing = self.bases.shape[1] - vectors.shape[1]
-        return np.pad(vectors, ((0, 0), (0, missing), (0, 0)))
-
-    def _without_local(self, vectors: Floats) -> Floats:
-        return vectors - self.bases @ (self.bases.swapaxes(1, 2) @ vectors)
-
-
-def _flat(vectors: Floats) -> Floats:
-    """(K D, n) of vectors (K, D, n), also of none."""
-    windows, rows, count = vectors.shape
-    return vectors.reshape(windows * rows, count)
 
 
 @dataclass(frozen=True)
@@ -258,12 +151,12 @@ class Linearised:
     Attributes:
       fit: the model.
       jacobian: around it.
-      by_value: (K, D, n) its sensitivities to its values; None without any.
+      by_value: (K, D, n) its sensitivities to its values.
     """
 
     fit: Fit
     jacobian: Jacobian
-    by_value: Floats | None
+    by_value: Floats
 
 
 @dataclass(frozen=True)

@@ -9,12 +9,12 @@ from scipy.stats import chi2
 
 from flywheel.diagnosis.checks.adequacy import adequacy
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter, Jacobian
+from flywheel.diagnosis.fitting.projection import Projection
 from flywheel.diagnosis.fitting.windows import Recording, Windows
 from flywheel.diagnosis.selection.candidates import Candidate, candidates
-from flywheel.diagnosis.selection.score_test import (
+from flywheel.diagnosis.selection.scores import (
     LARGE,
     PART,
-    Projection,
     ScoredModel,
     ScoreTest,
     score_test,
@@ -202,7 +202,7 @@ def test_nuisances_that_say_the_same_or_nothing_count_once(case: Case) -> None:
     thrice = np.concatenate([one, -2.0 * one, 1e-9 * one, 0.0 * one], axis=2)
     projections = [Projection.of(case.model, jacobian, known, EVERY) for known in (one, thrice)]
     offsets = 2 * WINCHES  # two recordings
-    assert [p.shared.shape[2] for p in projections] == [offsets + 1, offsets + 1]
+    assert [p.shared.shape[1] for p in projections] == [offsets + 1, offsets + 1]
     vectors = rng.normal(size=(WINDOWS, COORDINATES, 2))
     np.testing.assert_allclose(projections[0](vectors), projections[1](vectors), atol=1e-9)
 
@@ -470,7 +470,9 @@ def test_the_same_sensitivities_score_the_residual_of_another_fit(case: Case) ->
 def test_a_model_is_ranked_anew_where_the_threshold_has_risen(case: Case) -> None:
     """As it does by what a trained model does wrong by itself."""
     jacobian = Jacobian(case.model.by_local, case.model.by_winch)
-    model = ScoredModel(case.fit, jacobian, None, case.test(), (), ())
+    model = ScoredModel(
+        case.fit, jacobian, np.zeros((WINDOWS, COORDINATES, 0)), case.test(), (), ()
+    )
     found = Search(case.model, case.library, threshold=36.0).ranked(model)
     strict = case.test(threshold=36.0).scores()
     assert list(found.scores) == sorted(strict, key=lambda score: -score.score)
