@@ -169,7 +169,7 @@ def without_unclear_factors(searched: Searched, judged: Judged, held_out: HeldOu
     unseen = UnseenWindows(search.fitter, judged.models[0], held_out)
     for uneven in (t for t in added(judged.models) if isinstance(t.effect, PerPart)):
         terms = tuple(at_same_size(t) if t is uneven else t for t in last.fit.terms)
-        fit = search.fit_until(search.fitter.with_terms(last.fit, terms))
+        fit = search.refitted(last.fit, terms)
         even = search.score_all(fit)
         if math.isfinite(fit.cost) and not unseen.gain_everywhere(even, last).clear:
             judged = judge(searched, [*_before(judged.models, fit), even])

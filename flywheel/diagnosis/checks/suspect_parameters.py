@@ -121,14 +121,14 @@ def far_off_parameters(
 
 def _fitted_alone(search: Search, model: ScoredModel, score: Score) -> Fit:
     """A fit with a number from the best of several sizes, a stiffness also with a damping of all cables."""
-    fitter, candidate = search.fitter, score.candidate
+    candidate = score.candidate
     tried = dict.fromkeys(candidate.term((share / candidate.typical[0],)) for share in FAR)
     starts = [search.warm_start(model, (*model.fit.terms, term)) for term in tried]
     fit = search.fit_until(min(starts, key=lambda each: each.cost))
     if candidate.effect.name != STIFFNESS or any(t.effect.name == DAMPING for t in model.fit.terms):
         return fit
     damped = (*fit.terms, Term(EFFECTS[DAMPING], None, (0.0,)))
-    return min(fit, search.fit_until(fitter.with_terms(fit, damped)), key=search.criterion)
+    return min(fit, search.refitted(fit, damped), key=search.criterion)
 
 
 def _added(search: Search, model: ScoredModel, after: ScoredModel) -> str:

@@ -105,7 +105,7 @@ def model_without(
     elif len(terms) == 1:
         less = search.dropped(fit, terms[0])
     else:
-        less = search.fit_until(search.fitter.with_terms(fit, rest))
+        less = search.refitted(fit, rest)
     if target is not None and less.terms:
         less = search.fit_until(less) if less.kept is None else search.settled(less, target)
     return search.linearised(less) if model is None or less is not model.fit else model
@@ -130,9 +130,8 @@ def _in_place(
         if twin is not None or only_twins:
             return twin
         terms = (*others, alike(score.term, term, search.fitter.windows.robot))
-        begun = search.fitter.with_terms(last, terms)
         most = search.fitter.settings.stopping.rounds if probed(terms) else None
-        fit = search.fit_until(begun, limit, most)
+        fit = search.refitted(last, terms, limit, most)
         known.append((fit, fit.terms[-1]))
         return fit
 
@@ -161,6 +160,5 @@ def _twin(search: Search, fit: Fit, term: Term, score: Score) -> Fit | None:
 
 def _from_its_initial_states(search: Search, fit: Fit, other: Fit) -> Fit:
     """A fit, restarted from another model's initial states if those suit its windows better."""
-    begun = search.fitter.with_terms(other, fit.terms)
-    found = search.fit_until(begun, search.criterion(fit))
+    found = search.refitted(other, fit.terms, search.criterion(fit))
     return search.fit_until(search.fitter.best_of(fit, found))

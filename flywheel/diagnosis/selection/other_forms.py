@@ -112,8 +112,7 @@ def _others_in_place(
 
 def _fitted_in_place(search: Search, fit: Fit, term: Term, candidate: Candidate) -> Fit:
     """A fit with a candidate in place of a term, fitted as long as it may become better."""
-    begun = search.fitter.with_terms(fit, _exchanged(search, fit, term, candidate))
-    return search.fit_until(begun, search.criterion(fit))
+    return search.refitted(fit, _exchanged(search, fit, term, candidate), search.criterion(fit))
 
 
 def _exchanged(search: Search, fit: Fit, term: Term, candidate: Candidate) -> Terms:
@@ -137,8 +136,7 @@ def _at_one_part(search: Search, fit: Fit) -> Fit | None:
     alone, share = at_largest_part(term)
     if share < ALONE:
         return None
-    begun = search.fitter.with_terms(fit, (*others, alone))
-    return search.fit_until(begun, search.criterion(fit))
+    return search.refitted(fit, (*others, alone), search.criterion(fit))
 
 
 def promised_per_part(
@@ -199,6 +197,5 @@ def _rival_per_part(search: Search, fit: Fit, score: Score) -> Fit | None:
     if effect.family == term.effect.family or not acts_on_same_parts(effect, term, robot):
         return None
     *rest, even = _exchanged(search, fit, term, score.candidate)
-    other = alike(even, term, robot)
-    begun = fitter.with_terms(fit, (*rest, other))
-    return search.fit_until(begun, search.criterion(fit), fitter.settings.stopping.rounds)
+    terms, most = (*rest, alike(even, term, robot)), fitter.settings.stopping.rounds
+    return search.refitted(fit, terms, search.criterion(fit), most)

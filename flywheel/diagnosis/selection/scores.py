@@ -121,27 +121,15 @@ class ScoreTest:
     def scores(self) -> list[Score]:
         """The score of every candidate, in order."""
         gram, right = self.columns.T @ self.columns, self.columns.T @ self.residual
-        return [
-            self._score(index, candidate, gram, right)
-            for index, candidate in enumerate(self.candidates)
-        ]
-
-    def _score(self, index: int, candidate: Candidate, gram: Floats, right: Floats) -> Score:
-        tried = []
-        for shape, columns in enumerate(self.slices[index]):
-            a, b = gram[columns, columns], right[columns]
-            sizes, statistic = solved(a, b, candidate.effect.sizes)
-            tried.append((statistic, shape, sizes, a))
-        statistic, shape, sizes, a = max(tried, key=lambda each: each[0])
-        noise = max(self.noise, 1.0)
-        return Score(
-            candidate,
-            shape,
-            statistic,
-            statistic / chance(len(sizes), self.threshold) / noise,
-            tuple(sizes),
-            smallest_shown(a, self.threshold, noise),
-        )
+        noise, found = max(self.noise, 1.0), []
+        for candidate, slices in zip(self.candidates, self.slices, strict=True):
+            tried = [solved(gram[own, own], right[own], candidate.effect.sizes) for own in slices]
+            shape = max(range(len(tried)), key=lambda each: tried[each][1])
+            (sizes, statistic), own = tried[shape], slices[shape]
+            score = statistic / chance(len(sizes), self.threshold) / noise
+            smallest = smallest_shown(gram[own, own], self.threshold, noise)
+            found.append(Score(candidate, shape, statistic, score, tuple(sizes), smallest))
+        return found
 
 
 @dataclass(frozen=True)
@@ -210,10 +198,9 @@ def slices_of(library: Sequence[Candidate]) -> tuple[tuple[slice, ...], ...]:
     """Candidate -> shape -> its columns, in the order of all unit terms."""
     slices, place = [], 0
     for candidate in library:
-        size = len(candidate.typical)
-        starts = [place + size * shape for shape in range(len(candidate.shapes))]
-        slices.append(tuple(slice(start, start + size) for start in starts))
+        size, first = len(candidate.typical), place
         place += size * len(candidate.shapes)
+        slices.append(tuple(slice(start, start + size) for start in range(first, place, size)))
     return tuple(slices)
 
 
@@ -292,9 +279,7 @@ def score_test(
     mean = fitter.mean_squares(fit)
     # Windows that saw less than they have local parameters fit however wrong the model is.
     tells = fitter.windows.noisy_in_each > fitter.taken
-    usual = max(
-        float(np.median(mean[tells] if tells.any() else mean)), 1e-9
-    )  # 0 where all diverged
+    usual = max(float(np.median(mean[tells] if tells.any() else mean)), 1e-9)  # 0: all diverged
     weights = 1.0 / np.sqrt(np.maximum(1.0, mean / usual))
     known = np.zeros((*fit.residual.shape, 0)) if known is None else known
     values, last = np.reshape(prior, (-1, 2)).T

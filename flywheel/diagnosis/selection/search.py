@@ -126,6 +126,12 @@ class Search:
                 break
         return fit
 
+    def refitted(
+        self, fit: Fit, terms: Terms, target: float = np.inf, max_rounds: float | None = None
+    ) -> Fit:
+        """A fit of other terms from the parameters of one; see `fit_until`."""
+        return self.fit_until(self.fitter.with_terms(fit, terms), target, max_rounds)
+
     def effects_first(self, fit: Fit) -> Fit:
         """A fit of effects and initial states alone, with constant numbers of a robot as built.
 
