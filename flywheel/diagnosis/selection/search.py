@@ -113,18 +113,20 @@ class Search:
           slight: decrease of the cost in a round, below which the rest is left for later [sigma^2].
         """
         stopping = self.fitter.settings.stopping
-        free = self.fitter.free(fit.terms)
         if max_rounds is None:
             max_rounds = stopping.max_rounds_to_target
         for _ in range(stopping.rounds):
             if fit.converged:
                 break
-            enough = self.fitter.worthwhile(fit)
-            before, fit = fit, self.fitter.fit(fit, free, rounds=1, enough=enough)
+            before, fit = fit, self.after_rounds(fit, enough=self.fitter.worthwhile(fit))
             fell = before.cost - fit.cost
             if fell < slight or out_of_reach(self.criterion(fit) - target, fell, max_rounds):
                 break
         return fit
+
+    def after_rounds(self, fit: Fit, rounds: int = 1, enough: float = 0.0) -> Fit:
+        """A fit of all values after further rounds; see `Fitter.fit`."""
+        return self.fitter.fit(fit, self.fitter.free(fit.terms), rounds=rounds, enough=enough)
 
     def refitted(
         self, fit: Fit, terms: Terms, target: float = np.inf, max_rounds: float | None = None
@@ -169,8 +171,7 @@ class Search:
 
     def _after_rounds_anew(self, fit: Fit, rounds: int = 1) -> Fit:
         """A fit after further rounds, with all sensitivities recomputed before them."""
-        free = self.fitter.free(fit.terms)
-        return self.fitter.fit(self.fitter.kept_anew(fit), free, rounds=rounds)
+        return self.after_rounds(self.fitter.kept_anew(fit), rounds)
 
     def warm_start(self, model: Linearised, terms: Terms) -> Fit:
         """A model with other terms, before anything else is fitted to them.

@@ -241,7 +241,7 @@ def _next(search: Search, model: ScoredModel, room: int) -> tuple[Search, Fit | 
     if model.fit.kept is not None:
         begun = heartbeat.each(search.effects_first, begun, _named)
     begun = _with_sensitivities_of_best(search, begun)
-    fits = heartbeat.each(partial(_after_a_round, search), begun, _named)
+    fits = heartbeat.each(search.after_rounds, begun, _named)
     if not fits:
         return search, None
     fits = _with_sensitivities_of_best(search, fits)
@@ -257,11 +257,6 @@ def _names(terms: Terms) -> str:
 
 def _named(fit: Fit) -> str:
     return _names(fit.terms)
-
-
-def _after_a_round(search: Search, fit: Fit) -> Fit:
-    """A fit after its first round."""
-    return search.fitter.fit(fit, search.fitter.free(fit.terms), rounds=1)
 
 
 def _with_sensitivities_of_best(search: Search, fits: Sequence[Fit]) -> list[Fit]:

@@ -141,7 +141,7 @@ def test_fits_are_shaken_by_the_seed_of_the_diagnosis(monkeypatch: pytest.Monkey
         settings=FittingSettings(),
         windows=SimpleNamespace(noisy=np.ones(2)),
         kept_anew=lambda fit: fit,
-        fit=lambda fit, free, rounds: fit,
+        fit=lambda fit, free, **_: fit,
         free=lambda terms: [],
         with_terms=lambda fit, terms: fit,
     )
