@@ -164,8 +164,7 @@ class SelectionSettings:
         of a fit's residual; of the threshold, in time steps shorter than a fit needs; and of what effects
         alone explain less than a robot as built.
       per_family: places of one effect on the short list; number of other laws and of effects at one part
-        beside it; and of further effects that are fitted with a size for each part, if an identified one has
-        that.
+        beside it.
       more: ratio to the explanation by the best candidate, from which two of them, another law, an effect at
         one part alone, or all numbers of a robot as built, are tried.
       max_effects: in one answer; a search has twice as many steps.

@@ -42,12 +42,10 @@ from flywheel.effects.effect import (
 from flywheel.effects.forms import OtherForm
 from flywheel.effects.per_part import (
     PerPart,
-    acts_on_same_parts,
     alike,
     at_largest_part,
     at_same_size,
     per_part_term,
-    with_shares,
 )
 from flywheel.effects.probes import PROBES
 from flywheel.effects.scales import Scales
@@ -122,7 +120,6 @@ __all__ = [
     "WinchEffect",
     "Winches",
     "WrittenTerm",
-    "acts_on_same_parts",
     "alike",
     "at_largest_part",
     "at_same_size",
@@ -136,5 +133,4 @@ __all__ = [
     "taken_apart",
     "together",
     "usual",
-    "with_shares",
 ]

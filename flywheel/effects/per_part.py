@@ -33,7 +33,6 @@ from flywheel.records import Floats
 from flywheel.robots import Robot
 
 LOG_FACTOR = "log_factor@"  # before the name of a part
-LEAST = 0.01  # of the largest size: what stands for none
 FARTHEST = 4.0  # of the logarithm of a factor: one part has it and the others hardly
 
 
@@ -69,15 +68,6 @@ def per_part_term(term: Term, robot: Robot, deviation: float) -> Term | None:
         size *= math.exp(-deviation)
     known = (math.inf,) * len(term.values) + (deviation,) * len(logs)
     return Term(effect, None, (size, *shapes, *logs.tolist()), known)
-
-
-def with_shares(term: Term, sizes: Floats, deviation: float) -> Term:
-    """A term with factors for given sizes of its parts (n,), as far as two standard deviations allow."""
-    logs = np.log(np.maximum(sizes, LEAST * sizes.max()))
-    common = float(logs.mean())
-    factors = np.clip(logs - common, -2.0 * deviation, 2.0 * deviation)
-    _, *shapes = term.values[: len(term.values) - len(factors)]
-    return replace(term, values=(math.exp(common), *shapes, *factors.tolist()))
 
 
 def acts_on_same_parts(effect: Effect, model: Term, robot: Robot) -> bool:

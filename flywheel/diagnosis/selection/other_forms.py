@@ -8,26 +8,21 @@ a form that is clearly better, including its penalty, is used. A fit with a form
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
-from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
+from flywheel.diagnosis.fitting.least_squares import Fit
 from flywheel.diagnosis.selection.candidates import Candidate, families
 from flywheel.diagnosis.selection.criterion import Promise, promised
-from flywheel.diagnosis.selection.scores import Score, ScoredModel, slices_of
+from flywheel.diagnosis.selection.scores import ScoredModel, slices_of
 from flywheel.diagnosis.selection.search import Search, without
 from flywheel.effects import (
     Term,
     Terms,
-    acts_on_same_parts,
-    alike,
     at_largest_part,
-    parts_of,
     per_part_term,
-    with_shares,
 )
 
 # Standard deviation of the logarithm of the ratio between parts: most are within a factor of two.
@@ -37,48 +32,40 @@ SPREAD = 0.5
 ALONE = 0.4
 
 
-def in_other_forms(
-    search: Search, before: ScoredModel, model: ScoredModel, rivals: Sequence[Score]
-) -> ScoredModel:
-    """A model whose new effect has the form that explains clearly more than the others, if any does.
-
-    The rivals are further effects that may be the right one if sizes differ from part to part.
-    """
+def in_other_forms(search: Search, before: ScoredModel, model: ScoredModel) -> ScoredModel:
+    """A model whose new effects have the form that explains clearly more than others, if any does."""
     had = {family for family, _ in families(before.fit.terms)}
     new = {family for family, _ in families(model.fit.terms)}
     for family in sorted(new - had):
-        model = _in_best_form(search, model, family, rivals)
+        model = _by_part(search, _by_other_law(search, model, family), family)
     return model
 
 
-def _in_best_form(
-    search: Search, model: ScoredModel, family: str, rivals: Sequence[Score]
-) -> ScoredModel:
+def _by_other_law(search: Search, model: ScoredModel, family: str) -> ScoredModel:
+    """A model with the best law of a family that is visible on top of that family's effect."""
     if not _seen_beside(search, model):
         return model
-    heartbeat, term = search.heartbeat, _of_family(model.fit, family)
+    term = _of_family(model.fit, family)
+    effects = ((score, score.candidate.effect) for score in model.probes)
+    own = [score for score, law in effects if law.family == family and law.name != term.effect.name]
+    laws = [score.candidate for score in own if score.score >= search.threshold]
     tried = partial(_fitted_in_place, search, model.fit, term)
-    others = _others_in_place(search, model, term, rivals)
-    even = heartbeat.each(tried, others, lambda each: f"fitting {each.label} in place of {family}")
-    form = min((model.fit, *even), key=search.criterion)
-    if form is not model.fit:
-        model, family = search.score_all(search.settled(form)), form.terms[-1].effect.family
-        if not _seen_beside(search, model):
-            return model
+    fits = search.heartbeat.each(tried, laws, lambda each: f"fitting {each.label}")
+    form = min((model.fit, *fits), key=search.criterion)
+    return model if form is model.fit else search.score_all(search.settled(form))
+
+
+def _by_part(search: Search, model: ScoredModel, family: str) -> ScoredModel:
+    """A model with a size of an effect for each part, or at one part alone, if that is clearly better."""
+    if not _seen_beside(search, model):
+        return model
+    spared = search.heartbeat.spared
     sized = partial(_per_part, search, model, family)
-    uneven = heartbeat.spared(sized, None, f"{family} with a size for each part")
+    uneven = spared(sized, None, f"{family} with a size for each part")
     if uneven is None:
         return model
-    same = partial(_rival_per_part, search, uneven)
-    forms = [
-        uneven,
-        *heartbeat.each(same, rivals, lambda each: f"fitting {each.candidate.label} per part"),
-    ]
-    alone = partial(_at_one_part, search)
-    forms += heartbeat.each(
-        alone, forms, lambda each: f"fitting {each.terms[-1].effect.name} at one part"
-    )
-    best = min(forms, key=search.criterion)
+    alone = spared(partial(_at_one_part, search, uneven), None, f"{family} at one part")
+    best = min((uneven, alone or uneven), key=search.criterion)
     gained = search.criterion(model.fit) - search.criterion(best)
     return model if gained <= search.threshold else search.score_all(search.settled(best))
 
@@ -91,23 +78,6 @@ def _seen_beside(search: Search, model: ScoredModel) -> bool:
 def _of_family(fit: Fit, family: str) -> Term:
     """The effect of a family that a model has."""
     return next(term for term in fit.terms if term.asked and term.effect.family == family)
-
-
-def _others_in_place(
-    search: Search, model: ScoredModel, term: Term, rivals: Sequence[Score]
-) -> list[Candidate]:
-    """Laws and effects that are visible on top of an effect, to be fitted in its place.
-
-    Other laws of its family; and rivals for a robot as built: the compensation by its numbers was
-    compared using sensitivities of another place.
-    """
-    name, family = term.effect.name, term.effect.family
-    effects = [(each, each.candidate.effect) for each in model.probes]
-    found = [each for each, law in effects if law.family == family and law.name != name]
-    if model.fit.kept is not None:
-        others = {s.candidate.label for s in rivals if s.candidate.effect.family != family}
-        found += [each for each in model.scores if each.candidate.label in others]
-    return [each.candidate for each in found if each.score >= search.threshold]
 
 
 def _fitted_in_place(search: Search, fit: Fit, term: Term, candidate: Candidate) -> Fit:
@@ -156,46 +126,12 @@ def _per_part(search: Search, model: ScoredModel, family: str) -> Fit | None:
 
     Numbers of a robot as built differ between parts, too: it must promise about as much as they do.
     """
-    fit, fitter = model.fit, search.fitter
-    term = _of_family(fit, family)
-    others = without(fit.terms, term)
-    promise = promised_per_part(search, model, others, term)
+    term = _of_family(model.fit, family)
+    promise = promised_per_part(search, model, without(model.fit.terms, term), term)
     if promise is None or (promise.explained < search.threshold and term.place is None):
         return None
     if search.promised_as_built(model, search.settings.more * promise.explained) is not None:
         return None
     *_, uneven = promise.fit.terms
     search.heartbeat(f"fitting {term.effect.name} {uneven.effect.form}")
-    sized = _sized_by_part(fitter, model, term, uneven)
-    starts = (promise.fit, fitter.with_terms(fit, (*others, sized)))
-    begun = replace(min(starts, key=lambda each: each.cost), cache=fit.cache)
-    return search.fit_until(begun, search.criterion(fit))
-
-
-def _sized_by_part(fitter: Fitter, model: ScoredModel, term: Term, uneven: Term) -> Term:
-    """A term with the size at each part from the linearisation of a model."""
-    size, *shapes = term.values
-    count = len(parts_of(fitter.windows.robot, term.effect.part))
-    present = np.ones(count) if term.place is None else np.eye(count)[term.place]
-    doubled = [  # at a part, a second term of an effect stands in the place of the first
-        (*model.fit.terms, Term(term.effect, place, (size * (1.0 + share), *shapes)))
-        for place, share in enumerate(present)
-    ]
-    columns = model.test.projection(fitter.columns(model.fit, doubled))
-    gram = columns.T @ columns + np.eye(count)  # hardly more than the common size
-    more = np.linalg.solve(gram, columns.T @ model.test.residual)
-    return with_shares(uneven, size * (present + more), SPREAD)
-
-
-def _rival_per_part(search: Search, fit: Fit, score: Score) -> Fit | None:
-    """A fit with another effect in place of its form, fitted; None if that has other parts.
-
-    It starts with the same factors: a cable with more friction has more of it by any law.
-    """
-    fitter, effect, term = search.fitter, score.candidate.effect, fit.terms[-1]
-    robot = fitter.windows.robot
-    if effect.family == term.effect.family or not acts_on_same_parts(effect, term, robot):
-        return None
-    *rest, even = _exchanged(search, fit, term, score.candidate)
-    terms, most = (*rest, alike(even, term, robot)), fitter.settings.stopping.rounds
-    return search.refitted(fit, terms, search.criterion(fit), most)
+    return search.fit_until(promise.fit, search.criterion(model.fit))

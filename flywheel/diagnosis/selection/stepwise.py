@@ -138,8 +138,7 @@ def _step(search: Search, models: Sequence[ScoredModel]) -> tuple[Search, list[S
     if built or (same and (len(models) > 1 or not _has_other_values(search, first, better))):
         models.pop()
     model = search.score_all(search.settled(better))
-    rivals = search.shortlist(last)[: settings.per_family + 1]
-    formed = partial(in_other_forms, search, last, model, rivals)
+    formed = partial(in_other_forms, search, last, model)
     model = search.heartbeat.spared(formed, model, "other forms of an effect")
     return search, [*models, model], True
 

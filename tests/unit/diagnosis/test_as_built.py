@@ -14,7 +14,6 @@ from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
 from flywheel.diagnosis.fitting.model import ModelUnderTest, fitted
 from flywheel.diagnosis.fitting.nuisance import as_built_terms, asked
 from flywheel.diagnosis.selection.candidates import candidates
-from flywheel.diagnosis.selection.other_forms import in_other_forms
 from flywheel.diagnosis.selection.scores import ScoredModel
 from flywheel.diagnosis.selection.search import SHAKE, Search
 from flywheel.diagnosis.selection.stepwise import USUALLY_OFF, _as_built, _numbers_are_needed
@@ -181,19 +180,6 @@ def test_numbers_are_doubted_that_explain_less_than_noise_seldom_does(
     more = 1.05 * sum(len(term.values) for term in search.as_built)
     monkeypatch.setattr("flywheel.diagnosis.selection.stepwise.RARE", unlikely)
     assert alone_beside((search, model), 0.01, (), more) == needed
-
-
-@pytest.mark.nightly
-def test_an_effect_in_the_place_of_another_is_exchanged(begun: tuple[Search, ScoredModel]) -> None:
-    search, model = begun
-    friction = next(s for s in model.scores if s.candidate.label == "cable_friction")
-    term = friction.term
-    fit = search.fitter.with_terms(model.fit, (*model.fit.terms, term))
-    wrong = search.score_all(search.fit_until(fit))
-    right = in_other_forms(search, model, wrong, model.scores).fit
-    (found,) = asked(right.terms)
-    assert found.effect.name == "capstan"
-    assert search.criterion(right) < search.criterion(wrong.fit) - search.threshold
 
 
 def test_a_fit_that_is_stuck_goes_on_from_beside_itself(begun, monkeypatch):
