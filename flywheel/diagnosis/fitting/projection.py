@@ -94,7 +94,7 @@ class Projection:
 
     def __call__(self, vectors: Floats) -> Floats:
         """(N, n) rest of vectors (K, D, n)."""
-        left = np.concatenate(self.without_local(vectors))
+        left = self.without_local(vectors).reshape(len(self.shared), vectors.shape[2])
         return left - self.shared @ (self.shares[:, None] * (self.shared.T @ left))
 
     def without_local(self, vectors: Floats) -> Floats:

@@ -20,7 +20,6 @@ import numpy as np
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
 from flywheel.diagnosis.fitting.projection import Projection
 from flywheel.diagnosis.selection.scores import Linearised
-from flywheel.effects import Term
 
 
 def criterion(fit: Fit, measurements: int) -> float:
@@ -68,21 +67,14 @@ def promised(
         Projection.of(fitter, model.jacobian, columns[..., :count], None, prior[:count])
         for count in (had, len(free))
     )
-    before = float((less(residual) ** 2).sum()) + less.price
-    by_share = {share: more.with_priors_scaled(share) for share in shares}
-    explained = {
-        share: before - float((each(residual) ** 2).sum()) - each.price
-        for share, each in by_share.items()
-    }
-    share = max(explained, key=explained.__getitem__)
-    price = (by_share[share].price - less.price) / sum(new)
-    terms = tuple(
-        _scaled(term, share, price) if own else term
-        for term, own in zip(begun.terms, new, strict=True)
-    )
-    return Promise(replace(begun, terms=terms), explained[share])
 
+    def left(projection: Projection) -> float:
+        return float((projection(residual) ** 2).sum()) + projection.price
 
-def _scaled(term: Term, share: float, price: float) -> Term:
-    """A term with a price, and priors of a share of their standard deviations."""
-    return replace(term, known=tuple(share * known for known in term.known), price=price)
+    share = min(shares, key=lambda each: left(more.with_priors_scaled(each)))
+    scaled = more.with_priors_scaled(share)
+    price, terms = (scaled.price - less.price) / sum(new), list(begun.terms)
+    for at in np.flatnonzero(new):
+        known = tuple(share * deviation for deviation in terms[at].known)
+        terms[at] = replace(terms[at], known=known, price=price)
+    return Promise(replace(begun, terms=tuple(terms)), left(less) - left(scaled))
