@@ -29,6 +29,7 @@ from benchmarks import (
     budget,
     demo,
     lab_files,
+    log_formats,
     navigation,
     networks,
     recipes,
@@ -43,6 +44,7 @@ from benchmarks.diagnosis.case_result import CaseResult
 from benchmarks.diagnosis.case_row import CaseRow
 from benchmarks.diagnosis.rates import hard_table, outside_table, rates_table
 from benchmarks.lab_files import LAB_FILES_CSV, LabFileRow
+from benchmarks.log_formats import LOG_FORMATS_CSV, LogFormatRow
 from benchmarks.navigation import EpisodeRow, ModelRow
 from benchmarks.paper.definition import read_table, table_names
 from benchmarks.paper.rows import CellRow, left_out_table, plants_table, result_table
@@ -150,6 +152,7 @@ TABLES: dict[str, Callable[[], list[str]]] = {
     "robot-errors-cogging": lambda: robot_errors("cogging"),
     "robot-errors-rod_flex": lambda: robot_errors("rod_flex"),
     "lab-files": lambda: lab_files.table(read_rows(LabFileRow, LAB_FILES_CSV)),
+    "log-formats": lambda: log_formats.table(read_rows(LogFormatRow, LOG_FORMATS_CSV)),
     "networks": networks.table,
     "budget": lambda: budget.table("prism3"),
     "budget-regions": lambda: budget.regions_table("prism3"),

@@ -16,14 +16,16 @@ from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from flywheel.data.catalogue import LARGEST_LISTING
 from flywheel.data.s3 import S3Place
 from flywheel.data.segments import ABANDONED_SECONDS
-from flywheel.data.zarr_files import Files
 from flywheel.errors import DataError, RunError
 from flywheel.files import read_bytes
+
+if TYPE_CHECKING:
+    from flywheel.data.zarr_files import Files
 
 SYNCS_AT_ONCE = 16
 

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from flywheel.data.segments import ABANDONED_SECONDS, RECEIPT
-from flywheel.data.zarr_files import Files
 from flywheel.errors import DataError
+
+if TYPE_CHECKING:
+    from flywheel.data.zarr_files import Files
 
 
 class S3Place:

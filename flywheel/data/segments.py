@@ -14,17 +14,19 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flywheel.data.catalogue import LARGEST_LISTING, Damage, EpisodeSummary, Receipt, replaced
 from flywheel.data.packing import Arrays, pack, unpack
-from flywheel.data.zarr_files import Files, decode, encode
 from flywheel.errors import DataError
 from flywheel.records import Episode
 from flywheel.seals import Kind, Seal, Unsound, check_seal, sealed, unsealed
+
+if TYPE_CHECKING:
+    from flywheel.data.zarr_files import Files
 
 RECEIPT = "receipt.json"
 ABANDONED_SECONDS = 86400.0  # after which no writer on another machine is still at work
@@ -83,6 +85,9 @@ def written(name: str, episodes: Sequence[Episode], owner: Callable[[], str]) ->
     Raises:
       DataError: an episode cannot be stored.
     """
+    # Start-up time: zarr takes longer to import than everything else here.
+    from flywheel.data.zarr_files import encode
+
     arrays, attributes = pack(episodes)
     group = encode(arrays, attributes)
     _check_reads_back(name, group, arrays)
@@ -129,6 +134,8 @@ def read_back(found: Found) -> list[Episode]:
     Raises:
       DataError: another program wrote it.
     """
+    from flywheel.data.zarr_files import decode  # as above
+
     prefix = f"{_arrays_folder(found.receipt)}/"
     group = {p.removeprefix(prefix): c for p, c in found.files.items() if p.startswith(prefix)}
     try:
@@ -196,6 +203,8 @@ def _arrays_folder(receipt: Receipt) -> str:
 
 
 def _check_reads_back(name: str, group: Files, arrays: Arrays) -> None:
+    from flywheel.data.zarr_files import decode  # as above
+
     for array, values in arrays.items():  # one at a time: each is as large as the episodes
         own = f"{array}/", "zarr.json"
         back, _ = decode({path: content for path, content in group.items() if path.startswith(own)})

@@ -6,8 +6,6 @@ from dataclasses import replace
 
 import mujoco
 import numpy as np
-from scipy.optimize import linear_sum_assignment
-from scipy.spatial.transform import Rotation
 
 from flywheel.effects.cable_effects import pulls_on
 from flywheel.effects.effect import RESTS, CommandEffect, ModelEffect, Numbers, Parameter, Values
@@ -121,6 +119,10 @@ class InertiaByAxis(ModelEffect):
     shown_by = "turning fast about each axis"
 
     def edit(self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Numbers) -> None:
+        # Start-up time: as in flywheel.smoothing.
+        from scipy.optimize import linear_sum_assignment
+        from scipy.spatial.transform import Rotation
+
         factors = np.array([1.0 + values[axis] for axis in AXES])
         for piece in _pieces(model, place):
             axes = (

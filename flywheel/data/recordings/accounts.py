@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from flywheel.data.recordings.cables import Evidence, lengths_between, stretch, told_positions
 from flywheel.data.recordings.report import Finding
@@ -179,8 +178,14 @@ class _Doubt:
 
     def _others(self, follows: Floats, some: NDArray[np.int64]) -> list[Finding]:
         """About some winches that do not follow their own column, but another's of them, or late."""
-        among, found = follows[np.ix_(some, some)], []
-        for i, j in zip(*linear_sum_assignment(-among), strict=True):
+        among, found = follows[np.ix_(some, some)], list[Finding]()
+        partners = np.arange(len(some))
+        if (among > SURELY).any():
+            # Start-up time: as in flywheel.smoothing.
+            from scipy.optimize import linear_sum_assignment
+
+            partners = linear_sum_assignment(-among)[1]
+        for i, j in enumerate(partners.tolist()):
             effect, cause = self.effect.names[some[i]], self.cause.names[some[i]]
             if i != j and among[i, j] > SURELY:
                 words = f"{effect} follows it, and not {cause}: are the columns exchanged?"

@@ -10,7 +10,6 @@ from itertools import combinations, permutations, product
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 from flywheel.data.recordings.geometry import pairs
 from flywheel.data.recordings.pieces import distance
@@ -148,6 +147,9 @@ class Evidence:
         columns[~taut] = 0.0
         if without is not None:
             columns[:, without] = 0.0
+        # Start-up time: as in flywheel.smoothing.
+        from scipy.optimize import nnls
+
         _, left = nnls(columns.reshape(-1, columns.shape[-1]).T, wanted)
         return float(left / np.sqrt(len(bodies)))
 

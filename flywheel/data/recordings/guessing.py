@@ -10,7 +10,6 @@ from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from flywheel.data.recordings.formats import QUATERNION, LogFile, Stream, open_log
 from flywheel.data.recordings.geometry import pairs, usual_distances
@@ -34,6 +33,7 @@ from flywheel.robots.parts import WinchKind
 from flywheel.validation import validated
 
 PERIODS = (1e-4, 0.5)  # usual times between rows [s]
+EPISODE = "episode_index"  # of data sets, which begin their times anew with each episode
 EVEN = 0.2  # share by which the steps of a column of times differ
 UNIT = 0.1  # share by which distances may be off the MJCF's
 ALIKE = 0.7  # correlation from which a column is that of a winch
@@ -50,10 +50,11 @@ Y_UP = {"x": "x", "y": "-z", "z": "y"}
 
 @dataclass
 class Draft:
-    """Parts of a map, and remarks about its values by their places."""
+    """Parts of a map, remarks about its values, and its files by their paths there."""
 
     values: dict[str, object] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
+    files: dict[str, LogFile] = field(default_factory=dict)
 
     def how(self) -> RecordingMap:
         """The map so far."""
@@ -76,7 +77,8 @@ def guess(paths: Sequence[Path], robot: Robot, folder: Path) -> str:
       DataError: a file cannot be read, or none has points.
     """
     files = [(path, open_log(path)) for path in paths]
-    files.sort(key=lambda each: -len(_markers(each[1])))
+    count = len(robot.points)
+    files.sort(key=lambda each: -max(len(_markers(each[1])), len(_threes(each[1], count))))
     draft = Draft()
     draft.values["files"] = [_entry(path, file, folder, draft) for path, file in files]
     known = _markers(files[0][1])
@@ -122,6 +124,14 @@ def _unit_of(name: str, per: str = "") -> str:
 def _entry(path: Path, file: LogFile, folder: Path, draft: Draft) -> dict[str, object]:
     """The entry of a file, with its times."""
     entry: dict[str, object] = {"path": os.path.relpath(path, folder)}
+    draft.files[str(entry["path"])] = file
+    for stream in file.streams:
+        episodes = np.unique(stream.columns.get(EPISODE, np.zeros(1)))
+        if len(episodes) > 1:
+            entry["where"] = {EPISODE: int(episodes[0])}
+            draft.remarks.append(
+                f"{file.name} has the episodes {episodes[0]:g} to {episodes[-1]:g}: one is a recording"
+            )
     timeless = [stream for stream in file.streams if stream.time is None and not stream.stamps]
     if not timeless:
         return entry
@@ -199,6 +209,9 @@ def _add_points(draft: Draft, known: Sequence[str], file: LogFile, robot: Robot)
     if len(found) < len(names) == len(plain):
         found = dict(zip(names, plain, strict=True))
         draft.remarks.append("markers are in the order of the file: their names tell nothing")
+    if not plain and len(rows := _threes(file, len(names))) == len(names):
+        found = dict(zip(names, rows, strict=True))
+        draft.remarks.append("markers are in the order of the file, three numbers for each")
     spelled = _spelled(file)
     their = [found.get(name) for name in names]
     draft.values["markers"] = {
@@ -233,6 +246,20 @@ def _alike(names: list[str], count: int) -> list[str]:
         groups.setdefault(re.sub(r"\[\d+\]$", "", name), []).append(name)
     fitting = [group for group in groups.values() if len(group) == count]
     return fitting[0] if len(fitting) == 1 else names
+
+
+def _threes(file: LogFile, count: int) -> list[str]:
+    """Names of so many markers in the only array with three numbers for each; empty unless there is one."""
+    columns = {name for stream in file.streams for name in stream.columns}
+    bases = {name.removesuffix("[0]") for name in columns if name.endswith("[0]")}
+    size = 3 * count
+    fitting = [
+        base
+        for base in bases
+        if {f"{base}[{i}]" for i in range(size)} <= columns and f"{base}[{size}]" not in columns
+    ]
+    places = range(0, size, 3) if len(fitting) == 1 else ()
+    return [f"{fitting[0]}[{i}:{i + 3}]" for i in places]
 
 
 def _by_name(names: Sequence[str], known: Sequence[str]) -> dict[str, str]:
@@ -306,7 +333,7 @@ def _units(draft: Draft) -> dict[str, object]:
 
 def _positions(draft: Draft, folder: Path, robot: Robot) -> tuple[Floats, Floats] | None:
     how = draft.how()
-    sheets = Sheets(folder, how, how.files[:1])
+    sheets = Sheets(folder, how, how.files[:1], draft.files)
     series, _ = points_of(sheets, [Clock(0.0, 1.0)], robot, how)
     known = [each for each in series if each is not None]
     if len(known) < len(series):
@@ -337,7 +364,7 @@ def _add_commands(
 ) -> None:
     """Columns of the winches by their names, else by what the cables do."""
     how = draft.how()
-    sheets = Sheets(folder, how, how.files)
+    sheets = Sheets(folder, how, how.files, draft.files)
     used = {f"{n}{end}" for n in sheets.markers() for end in (".x", ".y", ".z", *QUATERNION)}
     used |= {f"{n}{end}" for n in _sources(draft) for end in ("", "[0]", "[1]", "[2]")}
     columns = [n for n in sheets.names() if n not in used and n.lower() not in TIME_NAMES]
@@ -431,6 +458,9 @@ def _by_cables(
             if winch.kind == "rate":
                 made = np.concatenate([[0.0], np.cumsum(values[:-1] * np.diff(when))])
             fits[i, j] = _best(time, lengths[:, winch.cables[0]], when, made)
+    # Start-up time: as in flywheel.smoothing.
+    from scipy.optimize import linear_sum_assignment
+
     rows, picked = linear_sum_assignment(-np.abs(fits))
     found_, told = dict[str, object](), list[str]()
     for i, j in zip(rows.tolist(), picked.tolist(), strict=True):

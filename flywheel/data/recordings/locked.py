@@ -29,9 +29,11 @@ def with_locked(
       how: which says what was held.
     """
     held = {name for name, channel in how.commands.items() if channel.hold}
-    seen = points[np.isfinite(points[..., 0]).all(axis=1)]
     unknown = held >= {winch.name for winch in robot.winches} and not np.isfinite(log.winch).any()
-    if not unknown or not len(seen) or not robot.winches or not robot.free or robot.tension_driven:
+    if not unknown or not robot.winches or not robot.free or robot.tension_driven:
+        return log, []
+    seen = points[np.isfinite(points[..., 0]).all(axis=1)]
+    if not len(seen):
         return log, []
     cables = [winch.cables[0] for winch in robot.winches]
     at_home = lengths_between(robot.points_of(robot.keyframe)[None], robot)[0]

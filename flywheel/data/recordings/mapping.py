@@ -70,8 +70,10 @@ class Axes(Frozen):
         return self
 
     def turned(self, points: Floats) -> Floats:
-        """Points (..., 3) in our axes."""
+        """Points (..., 3) in our axes; the same array where they are the log's."""
         axes = (self.x, self.y, self.z)
+        if axes == ("x", "y", "z"):
+            return points
         signs = [-1.0 if axis.startswith("-") else 1.0 for axis in axes]
         # No matrix product: it would make a NaN of the axes beside one that is infinite.
         turned = points[..., ["xyz".index(axis[-1]) for axis in axes]]

@@ -21,10 +21,13 @@ NOISY = 0.01  # share of a command's range from which its noise is told
 
 def noisy_commands(log: Log, robot: Robot) -> list[Finding]:
     """A note for each command that changes at random in every row, as one that was measured does."""
-    used, span = log.controls[:-1], robot.control_high - robot.control_low
-    digit = last_digit(used / span, FINEST)
-    share = white_noise(used / span, digit)
-    each = (np.abs(np.diff(used / span, axis=0)) > digit).mean(axis=0) > EVERY
+    span = robot.control_high - robot.control_low
+    used = log.controls[:-1] / span
+    digit = last_digit(used, FINEST)
+    each = (np.abs(np.diff(used, axis=0)) > digit).mean(axis=0) > EVERY
+    if not each.any():
+        return []
+    share = white_noise(used, digit)
     told = (
         "changes at random in every row, by a standard deviation of {:.3g} {}: was it measured? What the "
         "winch was told belongs here; noise on it makes a right model look wrong"

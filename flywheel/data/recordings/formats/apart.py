@@ -1,7 +1,4 @@
-"""Reading in a process of its own, for libraries that end their process on damaged files.
-
-python -m flywheel.data.recordings.formats.apart FORMAT FILE RESULT
-"""
+"""Reading in a process of its own, for libraries that end their process on damaged files."""
 
 from __future__ import annotations
 
@@ -33,7 +30,9 @@ def read_apart(module: str, path: Path) -> Contents:
     """
     with tempfile.TemporaryDirectory(prefix="flywheel-") as folder:
         result = Path(folder) / "result.npz"
-        command = [sys.executable, "-m", __name__, module, str(path.resolve()), str(result)]
+        # Not `-m`, which warns in standard error of a module that its package imports.
+        code = f"import sys; from {__name__} import main; sys.exit(main(*sys.argv[1:]))"
+        command = [sys.executable, "-c", code, module, str(path.resolve()), str(result)]
         try:
             done = subprocess.run(command, capture_output=True, text=True, timeout=LONGEST)
         except subprocess.TimeoutExpired:
@@ -72,7 +71,7 @@ def _loaded(result: Path) -> Contents:
 
 
 def main(module: str, path: str, result: str) -> int:
-    """Read a file into another; the exit code."""
+    """Read a file of a format (its module here) into another file; the exit code."""
     limit = MEMORY + TIMES_SIZE * Path(path).stat().st_size
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
     try:
@@ -82,7 +81,3 @@ def main(module: str, path: str, result: str) -> int:
         sys.stderr.write(str(error) or "it needs too much memory.")
         return REFUSED
     return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main(*sys.argv[1:]))

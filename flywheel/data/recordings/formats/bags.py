@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from flywheel.data.recordings.formats.messages import Topic, subnormal
+from flywheel.data.recordings.formats import mcap_files
+from flywheel.data.recordings.formats.messages import Topic, contents
 from flywheel.data.recordings.formats.stream import Contents
 from flywheel.errors import ConfigError, DataError
 
@@ -30,6 +31,8 @@ def read(path: Path, names: tuple[str, ...]) -> Contents:
     except Exception as error:  # rosbags raises whatever a damaged file leads to
         if isinstance(error, DataError):
             raise
+        if not topics and any(path.glob("*.mcap")):  # with JSON beside messages of ROS, or damaged
+            return mcap_files.read(path, names)
         if not topics:
             raise DataError(f"it cannot be read: {error}.") from None
         notes.append(f"it ends early: {error}")
@@ -50,22 +53,3 @@ def _collect(reader: Any, topics: dict[str, Topic], notes: list[str]) -> None:
         else:
             topics.setdefault(connection.topic, Topic(connection.topic)).add(message, logged)
     notes += [f"messages of {topic} are left out: {why}" for topic, why in sorted(unread.items())]
-
-
-def contents(topics: dict[str, Topic], notes: list[str]) -> Contents:
-    """The topics that have numbers.
-
-    Raises:
-      DataError: none has, or a number is the bits of another.
-    """
-    streams = [found for topic in topics.values() if (found := topic.stream()) is not None]
-    if not streams:
-        why = "".join(f" {note}." for note in notes)
-        raise DataError(f"none of its {len(topics)} topics has two messages with numbers.{why}")
-    for each in streams:
-        for name, values in each.columns.items():
-            if subnormal(values):
-                raise DataError(
-                    f"{name} has numbers below 1e-307: were whole numbers written into a field of fractions?"
-                )
-    return Contents(tuple(streams), tuple(notes))

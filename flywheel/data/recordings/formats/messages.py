@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from flywheel.data.recordings.formats.arrays import WIDEST, check_size
-from flywheel.data.recordings.formats.stream import Stream
+from flywheel.data.recordings.formats.stream import Contents, Stream
+from flywheel.errors import DataError
 from flywheel.records import Floats
 
 DEEPEST = 12  # messages within messages
@@ -119,3 +120,22 @@ def _is_texts(value: Any) -> bool:
 def subnormal(values: Floats) -> bool:
     """True where numbers are so small that they must be whole numbers written as the bits of others."""
     return bool(((values != 0) & (np.abs(values) < SUBNORMAL)).any())
+
+
+def contents(topics: dict[str, Topic], notes: list[str]) -> Contents:
+    """The topics that have numbers.
+
+    Raises:
+      DataError: none has, or a number is the bits of another.
+    """
+    streams = [found for topic in topics.values() if (found := topic.stream()) is not None]
+    if not streams:
+        why = "".join(f" {note}." for note in notes)
+        raise DataError(f"none of its {len(topics)} topics has two messages with numbers.{why}")
+    for each in streams:
+        for name, values in each.columns.items():
+            if subnormal(values):
+                raise DataError(
+                    f"{name} has numbers below 1e-307: were whole numbers written into a field of fractions?"
+                )
+    return Contents(tuple(streams), tuple(notes))

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from flywheel.data.recordings.joining.lookup import Found, Sheets, Source, length_of
 from flywheel.data.recordings.joining.series import Clock
@@ -119,6 +118,9 @@ def _quaternions(values: Floats, pose: PoseSource, source: Source, body: str) ->
         degrees = (pose.unit or source.stream.angle) == "deg"
         found, size = np.full((len(values), 4), np.nan), np.ones(len(values))
         if good.any():
+            # Start-up time: as in flywheel.smoothing.
+            from scipy.spatial.transform import Rotation
+
             turned = Rotation.from_euler(order, values[good], degrees=degrees)
             found[good] = turned.as_quat(scalar_first=True)
     if not good.any():

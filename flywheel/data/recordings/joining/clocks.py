@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from math import ceil, log10
 
 import numpy as np
 
@@ -113,10 +114,14 @@ def _between(
         )
         for each, longer in zip(movers, found.longer, strict=True)
     ]
+    far = max(abs(time[0]), abs(time[-1]), 100.0)
+    digits = 4 + ceil(
+        log10(far)
+    )  # with which a pace is as exact as the offset, also of stamps since 1970
     words = (
         f"its time 0 is {found.clock.offset:.4f} s of {sheets.files[0].name}, its second "
-        f"{found.clock.pace:.6f} s, within {1e3 * found.sd:.2g} ms{sure}; {counted(len(moving), 'cable')} "
-        f"compared, usually off by {1e3 * found.residual:.3g} mm"
+        f"{found.clock.pace:.{digits}f} s, within {1e3 * found.sd:.2g} ms{sure}; "
+        f"{counted(len(moving), 'cable')} compared, usually off by {1e3 * found.residual:.3g} mm"
     )
     return found.clock, words, compared
 

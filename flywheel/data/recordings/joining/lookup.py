@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from itertools import chain
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
@@ -58,8 +59,14 @@ class Sheets:
       sources: their streams that have times.
     """
 
-    def __init__(self, folder: Path, how: RecordingMap, entries: Sequence[FileEntry]) -> None:
-        """Read the files of a map, relative to a folder.
+    def __init__(
+        self,
+        folder: Path,
+        how: RecordingMap,
+        entries: Sequence[FileEntry],
+        known: Mapping[str, LogFile] = MappingProxyType({}),
+    ) -> None:
+        """Read the files of a map, relative to a folder, but for those that are known by their paths there.
 
         Raises:
           DataError: one cannot be read.
@@ -68,7 +75,9 @@ class Sheets:
         self.sources: list[Source] = []
         self._timeless: dict[str, str] = {}
         for index, entry in enumerate(entries):
-            file = open_log(folder / entry.path, entry.format, entry.columns)
+            file = known.get(entry.path)
+            if file is None or entry.columns:
+                file = open_log(folder / entry.path, entry.format, entry.columns)
             self.files.append(file)
             for stream in file.streams:
                 self._add(index, file, stream, entry, how)

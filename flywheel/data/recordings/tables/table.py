@@ -123,8 +123,8 @@ class OpenTable:
             block += self._text.readline(LONGEST_LINE + 1)
             plain = self._plain(block, names)
             found, rows = self._unusual(block, names) if plain is None else plain
-            values.frombytes(found.tobytes())
-            lines.frombytes(rows.tobytes())
+            values.frombytes(found.data.cast("B"))
+            lines.frombytes(rows.data.cast("B"))
             if self._line > most:
                 raise DataError(
                     f"{self.file} has more than {most:,} lines, the most that are read of a log of this "
@@ -143,15 +143,19 @@ class OpenTable:
 
     def _plain(self, block: str, names: Sequence[str]) -> _Rows | None:
         """Columns of lines of which each is a row; None if there are others, or unusual cells."""
-        count = block.count("\n")
-        returns, quotes = block.count("\r") - block.count("\r\n"), block.count('"')
-        if not block.endswith("\n") or returns or quotes % 2:
+        if not block.endswith("\n") or ("\r" in block and block.count("\r") != block.count("\r\n")):
             return None
+        quotes = '"' in block and block.count('"')
+        if quotes % 2:
+            return None
+        content = block.encode("utf-8", "surrogateescape")
         try:
             table = arrow_csv.read_csv(
-                pa.BufferReader(block.encode("utf-8", "surrogateescape")),
-                arrow_csv.ReadOptions(column_names=self.header, use_threads=False),
-                arrow_csv.ParseOptions(delimiter=self._delimiter),
+                pa.BufferReader(content),
+                arrow_csv.ReadOptions(
+                    column_names=self.header, use_threads=False, block_size=len(content) + 1
+                ),
+                arrow_csv.ParseOptions(delimiter=self._delimiter, ignore_empty_lines=False),
                 arrow_csv.ConvertOptions(
                     column_types=dict.fromkeys(names, pa.float64()),
                     include_columns=names,
@@ -160,8 +164,12 @@ class OpenTable:
             )
         except pa.ArrowInvalid:
             return None
-        found = np.column_stack([column.to_numpy() for column in table.columns])
-        if len(found) != count or np.isnan(found).all(axis=1).any():
+        count = table.num_rows
+        if quotes and count != block.count("\n"):  # a cell with several lines
+            return None
+        (batch,) = table.to_batches()  # of one block; a column's `to_numpy` would import pandas
+        found = batch.to_tensor(null_to_nan=True).to_numpy()
+        if np.isnan(found[np.isnan(found[:, 0])]).all(axis=1).any():
             return None
         self._line += count
         return found, np.arange(self._line - count + 1, self._line + 1)

@@ -1,6 +1,7 @@
 """Where readers of formats do not do what one would guess, the numbers are right or the file is refused."""
 
 import json
+import re
 import sqlite3
 from pathlib import Path
 
@@ -376,3 +377,77 @@ def test_a_netcdf_that_would_be_far_larger_than_it_is_is_refused(tmp_path: Path)
         file["wide"].dims[0].attach_scale(file["time"])
     with pytest.raises(DataError, match="200,200,000 numbers"):
         open_log(tmp_path / "a.nc")
+
+
+def test_padding_at_the_end_of_a_c3d_is_no_frame(tmp_path: Path) -> None:
+    path = c3d(tmp_path / "a.c3d", 10)
+    path.write_bytes(path.read_bytes() + bytes(512))
+    found = open_log(path)
+    np.testing.assert_array_equal(found.streams[0].columns["a.x"], np.arange(10.0))
+
+
+def bag(path: Path, times: list[int], numbers: np.ndarray) -> Path:
+    """A ROS 2 bag of lists, at times [ns]."""
+    pytest.importorskip("rosbags")
+    from rosbags.rosbag2 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    kind, layout = "std_msgs/msg/Float64MultiArray", "std_msgs/msg/MultiArrayLayout"
+    with Writer(path, version=9) as writer:
+        channel = writer.add_connection("/x", kind, typestore=store)
+        for time, number in zip(times, numbers, strict=True):
+            message = store.types[kind](store.types[layout]([], 0), numbers[:0] + 0)
+            message.data = np.array([number, number], numbers.dtype)
+            writer.write(channel, time, store.serialize_cdr(message, kind))
+    return path
+
+
+def test_files_of_a_split_bag_that_overlap_are_in_the_order_of_their_times(tmp_path: Path) -> None:
+    whole = bag(tmp_path / "a", [10, 30, 50], np.array([1.0, 3.0, 5.0]))
+    other = bag(tmp_path / "b", [20, 40], np.array([2.0, 4.0]))
+    (other / "b.db3").rename(whole / "b.db3")
+    about = (whole / "metadata.yaml").read_text()
+    both = re.sub(r"( *)- a.db3", r"\1- a.db3\n\1- b.db3", about)
+    assert both.count("b.db3") == 1
+    (whole / "metadata.yaml").write_text(both)
+    np.testing.assert_array_equal(only(whole).columns["/x.data[0]"], [1, 2, 3, 4, 5])
+
+
+def test_whole_numbers_that_were_written_as_the_bits_of_fractions_are_refused(
+    tmp_path: Path,
+) -> None:
+    with pytest.raises(DataError, match="below 1e-307: were whole numbers written into a field"):
+        open_log(bag(tmp_path / "a", [10, 20], np.array([1, 2], np.int64)))
+
+
+def test_json_beside_messages_of_ros_in_a_bag_is_read(tmp_path: Path) -> None:
+    pytest.importorskip("rosbags")
+    (tmp_path / "bag").mkdir()
+    mcap(tmp_path / "bag" / "bag_0.mcap", [0, 1, 2])
+    lines = [
+        "rosbag2_bagfile_information:", "  version: 9", "  storage_identifier: mcap",
+        "  duration: {nanoseconds: 20000000}", "  starting_time: {nanoseconds_since_epoch: 0}",
+        "  message_count: 3", "  compression_format: ''", "  compression_mode: ''",
+        "  relative_file_paths: [bag_0.mcap]", "  files: []", "  topics_with_message_count:",
+        "  - message_count: 3", "    topic_metadata: {name: /a, type: a, serialization_format: json, "
+        "offered_qos_profiles: [], type_description_hash: ''}",
+    ]  # fmt: skip
+    (tmp_path / "bag" / "metadata.yaml").write_text("\n".join(lines) + "\n")
+    np.testing.assert_array_equal(only(tmp_path / "bag").columns["/a.x"], [0.0, 1.0, 2.0])
+
+
+@pytest.mark.parametrize("version", ["6.1_SOL2", "6.5.1_GLNX86", "7.1_GLNX86", "7.4_GLNX86"])
+def test_arrays_that_matlab_wrote_have_its_numbers(version: str) -> None:
+    import scipy.io.matlab
+
+    folder = Path(scipy.io.matlab.__file__).parent / "tests" / "data"
+    if not folder.exists():
+        pytest.skip("SciPy came without its tests' files")
+    angles = only(folder / f"testdouble_{version}.mat").columns["testdouble"]
+    np.testing.assert_array_equal(angles, np.pi / 4 * np.arange(9))
+    layers = only(folder / f"test3dmatrix_{version}.mat").columns
+    assert len(layers) == 6
+    for i, j in np.ndindex(2, 3):
+        found = layers[f"test3dmatrix[{i}][{j}]"]
+        np.testing.assert_array_equal(found, 1 + i + 2 * j + 6 * np.arange(4))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -20,11 +20,13 @@ AXES = "axes: {x: x, y: -z, z: y}\n"  # the same in a map
 
 @dataclass(frozen=True)
 class Truth:
-    """A robot in motion; times are from 0 to `seconds`.
+    """A robot in motion; its own times are from 0 to `seconds`.
 
     Attributes:
       robot: platform4.
       seconds: of the motion.
+      offset: its own time at time 0 of the clock by which it is asked [s].
+      pace: its seconds per second of that clock.
     """
 
     robot: Robot
@@ -34,22 +36,33 @@ class Truth:
     _turn: RotationSpline
     _winch: CubicSpline
     _told: Floats
+    offset: float = 0.0
+    pace: float = 1.0
+
+    def by(self, offset: float, pace: float = 1.0) -> Truth:
+        """The same motion, asked by another clock."""
+        return replace(self, offset=offset, pace=pace)
+
+    def own(self, time: Floats) -> Floats:
+        """(N,) times of another clock in its own [s]."""
+        return self.offset + self.pace * time
 
     def points(self, time: Floats) -> Floats:
         """(N, P, 3) [m]."""
-        return self._points(time)
+        return self._points(self.own(time))
 
     def pose(self, time: Floats) -> tuple[Floats, Floats]:
         """(N, 3) positions of the body [m], and its rotations (N, 4) as x, y, z, w."""
-        return self._place(time), self._turn(time).as_quat()
+        return self._place(self.own(time)), self._turn(self.own(time)).as_quat()
 
     def winch(self, time: Floats) -> Floats:
         """(N, W) positions [m]."""
-        return self._winch(time)
+        return self._winch(self.own(time))
 
     def commands(self, time: Floats) -> Floats:
         """(N, W) that hold at some times."""
-        return self._told[np.minimum((time / HELD + 1e-9).astype(int), len(self._told) - 1)]
+        held = (self.own(time) / HELD + 1e-9).astype(int)
+        return self._told[np.minimum(held, len(self._told) - 1)]
 
 
 def made(seconds: float = 8.0, seed: int = 3) -> Truth:
@@ -67,6 +80,7 @@ def made(seconds: float = 8.0, seed: int = 3) -> Truth:
     flown = plant.simulate(start, np.repeat(told, round(HELD / STEP), axis=0)[None])
     time = STEP * np.arange(flown.controls.shape[-2] + 1)
     states = flown.states
+    assert states is not None
     pose = states.qpos[0][:, :7]
     turn = Rotation.from_quat(np.roll(pose[:, 3:], -1, axis=1))
     return Truth(

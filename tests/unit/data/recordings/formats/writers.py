@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import csv
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +15,9 @@ from tests.unit.data.recordings.formats.truth import Y_UP, Truth
 
 MM = 1000.0
 RATE = 100.0
+EPOCH = 1.7e9  # time 0 of messages, since 1970 [s]
+MARKERS, COMMANDED = "markers", "u"  # parts of a log, which may be in files of their own
+WHOLE = (MARKERS, COMMANDED)
 NEEDS = {"hdf5": "h5py", "mat73": "h5py", "c3d": "ezc3d", "mcap": "mcap"} | dict.fromkeys(
     ("bag1", "bag2"), "rosbags"
 )  # packages that are extras
@@ -138,7 +143,7 @@ def _older(lines: list[str]) -> list[str]:
     return lines
 
 
-def vicon(truth: Truth, path: Path, time: Floats) -> Path:
+def vicon(truth: Truth, path: Path, time: Floats, parts: Sequence[str] = WHOLE) -> Path:
     """Nexus', with a block of devices before that of the trajectories, and a row of units."""
     points = seen(truth, time) * MM
     told = truth.commands(time)
@@ -148,8 +153,8 @@ def vicon(truth: Truth, path: Path, time: Floats) -> Path:
         ",," + ",".join(["m/s"] * told.shape[1]),
     ]
     lines += [f"{i + 1},0," + ",".join(map(cell, row)) for i, row in enumerate(told)]
+    lines = [*lines, ""] if COMMANDED in parts else []
     lines += [
-        "",
         "Trajectories",
         f"{RATE:g}",
         ",," + ",,,".join(f"robot:{n}" for n in names(truth)) + ",,",
@@ -211,71 +216,83 @@ def motors(truth: Truth, path: Path, time: Floats, clock: Floats | None = None) 
     return path
 
 
-def arrays(truth: Truth, time: Floats) -> dict[str, Floats]:
-    return {
-        "t": time,
-        "markers": seen(truth, time),
-        "u": truth.commands(time),
-        "label": np.array(["a", "b"]),
-    }
+def arrays(truth: Truth, time: Floats, parts: Sequence[str] = WHOLE) -> dict[str, Floats]:
+    """Times, and markers (N, P, 3), commands (N, W), or both."""
+    made = {MARKERS: seen(truth, time), COMMANDED: truth.commands(time)}
+    return {"t": time} | {part: made[part] for part in parts}
 
 
-def npz(truth: Truth, path: Path, time: Floats) -> Path:
-    np.savez_compressed(path, **arrays(truth, time))
+def npz(truth: Truth, path: Path, time: Floats, parts: Sequence[str] = WHOLE) -> Path:
+    made: dict[str, Any] = arrays(truth, time, parts) | {"label": np.array(["a", "b"])}
+    np.savez_compressed(path, **made)
     return path
 
 
-def mat(truth: Truth, path: Path, time: Floats) -> Path:
+def mat(truth: Truth, path: Path, time: Floats, parts: Sequence[str] = WHOLE) -> Path:
     """MATLAB's 5.0, in a structure; columns are times."""
     from scipy.io import savemat
 
-    made = arrays(truth, time)
-    inside = {"t": made["t"], "markers": made["markers"].transpose(1, 2, 0), "u": made["u"].T}
+    made = arrays(truth, time, parts).items()
+    inside = {name: np.moveaxis(values, 0, -1) for name, values in made}
     savemat(path, {"log": inside, "note": "monday"})
     return path
 
 
-def hdf5(truth: Truth, path: Path, time: Floats) -> Path:
+def hdf5(truth: Truth, path: Path, time: Floats, parts: Sequence[str] = WHOLE) -> Path:
     import h5py
 
     with h5py.File(path, "w") as file:
-        for name, values in arrays(truth, time).items():
-            if name != "label":
-                file.create_dataset(f"one/{name}", data=values, chunks=True, compression="gzip")
+        for name, values in arrays(truth, time, parts).items():
+            file.create_dataset(f"one/{name}", data=values, chunks=True, compression="gzip")
         file["one/note"] = "monday"
     return path
 
 
-def mat73(truth: Truth, path: Path, time: Floats) -> Path:
+def mat73(truth: Truth, path: Path, time: Floats, parts: Sequence[str] = WHOLE) -> Path:
     """MATLAB's 7.3: an HDF5 file behind a block of 512 bytes, its axes reversed."""
     import h5py
 
     with h5py.File(path, "w", userblock_size=512) as file:
-        for name, values in arrays(truth, time).items():
-            if name != "label":
-                file.create_dataset(
-                    f"log/{name}", data=np.atleast_2d(values).T if values.ndim > 1 else values[None]
-                )
+        for name, values in arrays(truth, time, parts).items():
+            turned = np.atleast_2d(values).T if values.ndim > 1 else values[None]
+            file.create_dataset(f"log/{name}", data=turned)
     content = bytearray(path.read_bytes())
     content[:128] = b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\x00\x02IM"
     path.write_bytes(content)
     return path
 
 
-def parquet(truth: Truth, path: Path, time: Floats) -> Path:
-    import pyarrow as pa
-    from pyarrow import parquet as pq
-
+def flat(truth: Truth, time: Floats, parts: Sequence[str] = WHOLE) -> dict[str, Floats]:
+    """The same as columns (N,), named as a log is that needs no map."""
     points, told = seen(truth, time), truth.commands(time)
-    columns = {"t": time, "note": ["x"] * len(time)}
-    for i, name in enumerate(names(truth)):
-        columns |= {f"{name}.{a}": points[:, i, k] for k, a in enumerate("xyz")}
-    columns |= {f"ctrl.{w.name}": told[:, i] for i, w in enumerate(truth.robot.winches)}
-    pq.write_table(pa.table(columns), path)
+    made = {"t": time}
+    if MARKERS in parts:
+        axes = [(i, n, k, a) for i, n in enumerate(names(truth)) for k, a in enumerate("xyz")]
+        made |= {f"{n}.{a}": points[:, i, k] for i, n, k, a in axes}
+    if COMMANDED in parts:
+        made |= {f"ctrl.{w.name}": told[:, i] for i, w in enumerate(truth.robot.winches)}
+    return made
+
+
+def table(truth: Truth, path: Path, time: Floats, parts: Sequence[str] = WHOLE) -> Path:
+    """A table of text, by Python's csv."""
+    made = flat(truth, time, parts)
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(made)
+        writer.writerows([cell(v, 9) for v in row] for row in zip(*made.values(), strict=True))
     return path
 
 
-def lerobot(truth: Truth, path: Path, time: Floats) -> Path:
+def parquet(truth: Truth, path: Path, time: Floats, parts: Sequence[str] = WHOLE) -> Path:
+    import pyarrow as pa
+    from pyarrow import parquet as pq
+
+    pq.write_table(pa.table(flat(truth, time, parts) | {"note": ["x"] * len(time)}), path)
+    return path
+
+
+def lerobot(truth: Truth, path: Path, time: Floats, parts: Sequence[str] = WHOLE) -> Path:
     """A data set of two episodes in LeRobot's version 3; the second is the truth."""
     import pyarrow as pa
     from pyarrow import parquet as pq
@@ -289,6 +306,8 @@ def lerobot(truth: Truth, path: Path, time: Floats) -> Path:
         "frame_index": np.concatenate([np.arange(50), np.arange(n)]),
         "episode_index": np.repeat([0, 1], [50, n]),
     }
+    if COMMANDED not in parts:
+        del table["action"]
     state = [f"{name}.{a}" for name in names(truth) for a in "xyz"]
     info = {
         "codebase_version": "v3.0",
@@ -327,16 +346,24 @@ def c3d(truth: Truth, path: Path, time: Floats) -> Path:
     return path
 
 
-def _messages(truth: Truth, time: Floats) -> list[tuple[str, float, list[float]]]:
-    """Topic, time and numbers of messages; the commands begin .01 s before the points."""
+TOPICS = {COMMANDED: "/motors", MARKERS: "/markers"}
+
+
+def _messages(
+    truth: Truth, time: Floats, parts: Sequence[str]
+) -> list[tuple[str, float, list[float]]]:
+    """Topic, time and numbers of messages."""
     told, points = truth.commands(time), seen(truth, time).reshape(len(time), -1)
-    found = []
-    for i, now in enumerate(time.tolist()):
-        found += [("/motors", now, told[i].tolist()), ("/markers", now, points[i].tolist())]
-    return found
+    numbers = {COMMANDED: told, MARKERS: points}
+    return [
+        (topic, now, numbers[part][i].tolist())
+        for i, now in enumerate(time.tolist())
+        for part, topic in TOPICS.items()
+        if part in parts
+    ]
 
 
-def mcap(truth: Truth, path: Path, time: Floats) -> Path:
+def mcap(truth: Truth, path: Path, time: Floats, parts: Sequence[str] = WHOLE) -> Path:
     """Foxglove's, with JSON."""
     from mcap.writer import Writer
 
@@ -347,45 +374,55 @@ def mcap(truth: Truth, path: Path, time: Floats) -> Path:
             topic: writer.register_channel(
                 topic, "json", writer.register_schema(topic, "jsonschema", b"{}")
             )
-            for topic in ("/motors", "/markers")
+            for topic in map(TOPICS.__getitem__, parts)
         }
-        for topic, now, values in _messages(truth, time):
+        for topic, now, values in _messages(truth, time, parts):
             plain = [None if np.isnan(v) else v for v in values]
-            stamp = round((1.7e9 + now) * 1e9)
+            stamp = round((EPOCH + now) * 1e9)
             data = json.dumps({"data": plain}).encode()
             writer.add_message(channels[topic], log_time=stamp, data=data, publish_time=stamp)
         writer.finish()
     return path
 
 
-def bag1(truth: Truth, path: Path, time: Floats) -> Path:
+def bag1(truth: Truth, path: Path, time: Floats, parts: Sequence[str] = WHOLE) -> Path:
     from rosbags.rosbag1 import Writer
     from rosbags.typesys import Stores, get_typestore
 
     store = get_typestore(Stores.ROS1_NOETIC)
     with Writer(path) as writer:
-        _write_bag(writer, store, "serialize_ros1", truth, time)
+        _write_bag(writer, store, "serialize_ros1", _messages(truth, time, parts))
     return path
 
 
-def bag2(truth: Truth, path: Path, time: Floats) -> Path:
-    from rosbags.rosbag2 import Writer
+def bag2(
+    truth: Truth,
+    path: Path,
+    time: Floats,
+    parts: Sequence[str] = WHOLE,
+    storage: str = "SQLITE3",
+) -> Path:
+    from rosbags.rosbag2 import StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore
 
-    with Writer(path, version=9) as writer:
-        _write_bag(writer, get_typestore(Stores.ROS2_HUMBLE), "serialize_cdr", truth, time)
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    with Writer(path, version=9, storage_plugin=StoragePlugin[storage]) as writer:
+        _write_bag(writer, store, "serialize_cdr", _messages(truth, time, parts))
     return path
 
 
-def _write_bag(writer: object, store: object, serialize: str, truth: Truth, time: Floats) -> None:
+def _write_bag(
+    writer: Any, store: Any, serialize: str, messages: list[tuple[str, float, list[float]]]
+) -> None:
     kind = "std_msgs/msg/Float64MultiArray"
     types = store.types
     layout = types["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
-    channels = {t: writer.add_connection(t, kind, typestore=store) for t in ("/motors", "/markers")}
-    for topic, now, values in _messages(truth, time):
+    topics = sorted({topic for topic, _, _ in messages}, reverse=True)
+    channels = {t: writer.add_connection(t, kind, typestore=store) for t in topics}
+    for topic, now, values in messages:
         message = types[kind](layout=layout, data=np.array(values))
         writer.write(
-            channels[topic], round((1.7e9 + now) * 1e9), getattr(store, serialize)(message, kind)
+            channels[topic], round((EPOCH + now) * 1e9), getattr(store, serialize)(message, kind)
         )
 
 
