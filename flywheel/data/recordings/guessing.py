@@ -132,6 +132,10 @@ def _entry(path: Path, file: LogFile, folder: Path, draft: Draft) -> dict[str, o
             draft.remarks.append(
                 f"{file.name} has the episodes {episodes[0]:g} to {episodes[-1]:g}: one is a recording"
             )
+    if any(stream.rows is not None for stream in file.streams):
+        draft.remarks.append(
+            f"{file.name} has a row for each marker and time: its markers are taken as columns"
+        )
     timeless = [stream for stream in file.streams if stream.time is None and not stream.stamps]
     if not timeless:
         return entry

@@ -10,6 +10,7 @@ import pyarrow as pa
 from pyarrow import parquet
 
 from flywheel.data.recordings.formats.arrays import WIDEST, check_size, columns_of
+from flywheel.data.recordings.formats.long import by_marker
 from flywheel.data.recordings.formats.stream import Contents, Stream
 from flywheel.errors import DataError
 from flywheel.files import read_json
@@ -26,18 +27,21 @@ def read(path: Path, names: tuple[str, ...]) -> Contents:
         raise DataError("it has no data/**/*.parquet.")
     info = _info(path)
     parts = [_columns(file) for file in files]
-    shared = set.intersection(*(set(part) for part, _ in parts))
-    found = {n: np.concatenate([part[n] for part, _ in parts]) for n in parts[0][0] if n in shared}
+    shared = set.intersection(*({*part, *texts} for part, texts, _ in parts))
+    first, words, others = parts[0]
+    found = {n: np.concatenate([part[n] for part, _, _ in parts]) for n in first if n in shared}
+    texts = {n: [text for _, own, _ in parts for text in own[n]] for n in words if n in shared}
     if not found:
         raise DataError("it has no columns of numbers.")
     found = _renamed(found, info)
-    left = [f"{name!r} is left out: it has no numbers" for name in parts[0][1]]
-    stamps = frozenset(name for part, _ in parts for name in part if name in _dates(files[0]))
+    left = [f"{name!r} is left out: it has no numbers" for name in others]
+    stamps = frozenset(name for part, _, _ in parts for name in part if name in _dates(files[0]))
     rate = info.get("fps")
     time = None
     if isinstance(rate, int | float) and rate > 0 and FRAME in found:
         time = found[FRAME] / rate
-    return Contents((Stream(found, time, stamps=stamps),), tuple(left))
+    made = Stream(found, time, texts, stamps)
+    return Contents((by_marker(made) if time is None else made,), tuple(left))
 
 
 def _info(path: Path) -> dict[str, Any]:
@@ -71,16 +75,20 @@ def _numbers(path: Path) -> int:
     return sum(sizes)
 
 
-def _columns(path: Path) -> tuple[dict[str, Floats], list[str]]:
-    """Columns of numbers, and names of the others."""
-    found, left = dict[str, Floats](), list[str]()
+def _columns(path: Path) -> tuple[dict[str, Floats], dict[str, list[str]], list[str]]:
+    """Columns of numbers, columns of texts, and names of the others."""
+    found, texts, left = dict[str, Floats](), dict[str, list[str]](), list[str]()
     for name, values in zip((table := _table(path)).column_names, table.columns, strict=True):
+        kind = values.type.value_type if pa.types.is_dictionary(values.type) else values.type
+        if pa.types.is_string(kind) or pa.types.is_large_string(kind):
+            texts[name] = ["" if each is None else each for each in values.to_pylist()]
+            continue
         made = _values(values.combine_chunks())
         if made is None or made[0:1].size > WIDEST:
             left.append(name)
         else:
             found |= columns_of(name, made)
-    return found, left
+    return found, texts, left
 
 
 def _values(values: Any) -> Floats | None:

@@ -27,6 +27,7 @@ class Stream:
       length: unit of the positions that the file gives; None without one.
       asks_unit: positions have a unit that the file should give, and does not.
       angle: unit of the rotations' angles, "deg" or "rad".
+      rows: the same with a row for each marker and time, if the file has it so.
     """
 
     columns: Mapping[str, Floats]
@@ -36,6 +37,7 @@ class Stream:
     length: str | None = None
     asks_unit: bool = False
     angle: str = "rad"
+    rows: Stream | None = None
 
 
 @dataclass(frozen=True)

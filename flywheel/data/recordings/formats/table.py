@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from flywheel.data.recordings.formats.long import by_marker
 from flywheel.data.recordings.formats.stream import Contents, Stream
 from flywheel.data.recordings.formats.text import (
     DELIMITERS,
@@ -66,7 +67,7 @@ def read(path: Path, names: tuple[str, ...]) -> Contents:
     values = {name: each for name, each in found.items() if isinstance(each, np.ndarray)}
     texts = {name: each for name, each in found.items() if not isinstance(each, np.ndarray)}
     stamps = frozenset(name for name, each in _stamped(found, body, delimiter) if each)
-    return Contents((Stream(values, texts=texts, stamps=stamps),))
+    return Contents((by_marker(Stream(values, texts=texts, stamps=stamps)),))
 
 
 def _split(line: str, delimiter: str) -> list[str]:

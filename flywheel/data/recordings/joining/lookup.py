@@ -182,6 +182,8 @@ class Sheets:
     def _add(
         self, index: int, file: LogFile, stream: Stream, entry: FileEntry, how: RecordingMap
     ) -> None:
+        if stream.rows is not None and {*entry.where} & {*stream.rows.columns, *stream.rows.texts}:
+            stream = stream.rows
         sized: Iterable[Sized] = chain(stream.columns.values(), stream.texts.values())
         size = next(map(len, sized), 0)
         kept = _kept(stream, entry.where, size, file.name)
