@@ -24,7 +24,7 @@ from flywheel.data.recordings.joining.channels import points_of
 from flywheel.data.recordings.joining.lookup import TIME_NAMES, Sheets
 from flywheel.data.recordings.joining.series import Clock
 from flywheel.data.recordings.mapping import RecordingMap
-from flywheel.data.recordings.sources import HOLD, LENGTHS, TIMES
+from flywheel.data.recordings.sources import ANGLES, HOLD, LENGTHS, TIMES
 from flywheel.errors import ConfigError, DataError
 from flywheel.files import yaml_text
 from flywheel.records import Floats
@@ -34,17 +34,27 @@ from flywheel.validation import validated
 
 PERIODS = (1e-4, 0.5)  # usual times between rows [s]
 EPISODE = "episode_index"  # of data sets, which begin their times anew with each episode
+FEW_TWICE = 0.9  # share of the rows that are later than the one before, in a column of times
 EVEN = 0.2  # share by which the steps of a column of times differ
 UNIT = 0.1  # share by which distances may be off the MJCF's
 ALIKE = 0.7  # correlation from which a column is that of a winch
 MOST = 60  # columns that are compared with the cables
 COUNTS = re.compile(r"frame|index|seq|count|sample|row|step")  # columns that are no times
 COMMANDS = re.compile(
-    r"cmd|command|told|set|target|tgt|ref|goal|ctrl|control|desired|soll|(^|\W)u\d"
+    r"cmd|command|told|set|target|tgt|ref|goal|ctrl|control|desired|soll|(^|[\W_])u([\W_\d]|$)"
 )
+MEASURED = re.compile(
+    r"enc|meas|actual|feedback|(^|[\W_])(fb|ist|is)([\W_]|$)"
+)  # columns that are no commands
 WITH_UNIT = re.compile(
-    r"\s*[\[(]\s*((?:[mc]?m|in|ft|rad|deg|k?N|m?s)(?:/s)?)\s*[\])]\s*$"
+    r"\s*[\[(]\s*(?P<in>(?:[mc]?m|in|ft|rad|deg|turn|k?N|m?s)(?:/s)?)\s*[\])]\s*$"
+    r"|_(?P<as>(?:[mc]?m|rad|deg)(?:_s)?)$"
 )  # a column's name
+NO_PLACE = re.compile(  # what else has an x, a y and a z
+    r"v|vel.*|w|omega.*|gyro.*|a|acc.*|mag.*|f|force.*|torque.*|e|err.*|r|rot.*|euler.*", re.I
+)
+# Words that tell no winch or marker from another.
+KINDS = re.compile(r"winch|motor|cable|servo|tendon|actuator|ctrl|point|marker")
 Y_UP = {"x": "x", "y": "-z", "z": "y"}
 
 
@@ -102,23 +112,45 @@ def _markers(file: LogFile) -> list[str]:
                 and base + "[3]" not in there
             ):
                 found.append(base)
-    return [*found, *_spelled(file)]
+    return [*found, *(name for name in _spelled(file) if name not in found)]
 
 
 def _spelled(file: LogFile) -> dict[str, list[str]]:
-    """Marker -> its three columns, where their names end in a unit: `m1 X [mm]`."""
+    """Marker -> its three columns, where the map has to name all: `m1 X [mm]`, `m1y`."""
+    plain = ("{}.{}", "{}_{}")
+    return {
+        name: axes
+        for name, axes in _triples(file).items()
+        if not any(axes == [each.format(name, a) for a in "xyz"] for each in plain)
+    }
+
+
+def _triples(file: LogFile) -> dict[str, list[str]]:
+    """Marker -> its three columns, which end in x, y and z, and perhaps a unit."""
     found: dict[str, dict[str, str]] = {}
     for name in (name for stream in file.streams for name in stream.columns):
-        parts = re.fullmatch(r"(.*[^\W_])[\W_]*([xyz])", WITH_UNIT.sub("", name), re.I)
-        if parts and _unit_of(name):
+        parts = re.fullmatch(r"(.*[^\W_])[\W_]*([wxyz])", WITH_UNIT.sub("", name), re.I)
+        if parts:
             found.setdefault(parts[1], {})[parts[2].lower()] = name
-    return {name: [each[a] for a in "xyz"] for name, each in found.items() if len(each) == 3}
+    places = {
+        n: axes for n, axes in found.items() if {*axes} == {*"xyz"} and not NO_PLACE.fullmatch(n)
+    }
+    return {name: [axes[a] for a in "xyz"] for name, axes in places.items()}
+
+
+def _quaternions(file: LogFile) -> list[list[str]]:
+    """Columns x, y, z, w of each rotation whose columns end so: `qx`, `Body_QW`."""
+    names = [name for stream in file.streams for name in stream.columns]
+    ends = [name for name in names if name.lower().endswith("w")]
+    turns = [[name[:-1] + (a if name[-1] == "w" else a.upper()) for a in "xyzw"] for name in ends]
+    return [turn for turn in turns if {*turn} <= {*names}]
 
 
 def _unit_of(name: str, per: str = "") -> str:
-    """The unit of length, or of speed per "/s", at the end of a column's name, in brackets; "" for none."""
+    """The unit of length or angle, or of speed per "/s", at the end of a column's name; "" for none."""
     found = WITH_UNIT.search(name)
-    return found[1] if found and found[1] in {f"{unit}{per}" for unit in LENGTHS} else ""
+    unit = (found["in"] or found["as"].replace("_", "/")) if found else ""
+    return unit if unit in {f"{unit}{per}" for unit in (*LENGTHS, *ANGLES)} else ""
 
 
 def _entry(path: Path, file: LogFile, folder: Path, draft: Draft) -> dict[str, object]:
@@ -174,7 +206,7 @@ def _time_of(stream: Stream) -> str | None:
 
     def rises(name: str) -> bool:
         steps = np.diff(stream.columns[name])
-        return bool(len(steps) and (steps > 0).all())
+        return bool(len(steps) and (steps >= 0).all() and (steps > 0).mean() > FEW_TWICE)
 
     named = [name for name in stream.columns if _named_time(name)]
     others = [n for n in stream.columns if not COUNTS.match(n.lower())]
@@ -203,7 +235,7 @@ def _add_points(draft: Draft, known: Sequence[str], file: LogFile, robot: Robot)
         draft.values["poses"] = bodies
         draft.remarks.append("poses are those of the MJCF's bodies if at and turned are right")
         return
-    if len(found) < len(names) and (pose := _ros_pose(known, columns)) and len(robot.bodies) == 1:
+    if len(found) < len(names) and (pose := _pose(known, file)) and len(robot.bodies) == 1:
         draft.values["poses"] = {robot.bodies[0].name: pose}
         draft.remarks.append("the pose is that of the MJCF's body if at and turned are right")
         return
@@ -222,8 +254,8 @@ def _add_points(draft: Draft, known: Sequence[str], file: LogFile, robot: Robot)
         name: spelled.get(str(marker), marker) for name, marker in zip(names, their, strict=True)
     }
     units = {_unit_of(spelled[each][0]) for each in their if each in spelled}
-    if len(units) == 1:
-        draft.values["units"] = {"points": units.pop()}
+    if len(units) == 1 and (unit := units.pop()) in LENGTHS:
+        draft.values["units"] = {"points": unit}
     missing = [name for name in names if name not in found]
     if missing:
         draft.remarks.append(
@@ -232,15 +264,17 @@ def _add_points(draft: Draft, known: Sequence[str], file: LogFile, robot: Robot)
         )
 
 
-def _ros_pose(known: Sequence[str], columns: Sequence[str]) -> dict[str, object] | None:
-    """The pose in columns named as ROS names its fields, `pose.position.x`; None unless there is one."""
-    found: list[dict[str, object]] = []
-    for name in known:
-        turn = [f"{name.removesuffix('position')}orientation.{axis}" for axis in "xyzw"]
-        if name.endswith("position") and set(turn) <= set(columns):
-            place = [f"{name}.{axis}" for axis in "xyz"]
-            found.append({"position": place, "rotation": turn, "order": "xyzw"})
-    return found[0] if len(found) == 1 else None
+def _pose(known: Sequence[str], file: LogFile) -> dict[str, object] | None:
+    """The pose in columns of a position and a quaternion; None unless there is one of each.
+
+    Where there are several positions, it is that named as ROS names a pose's, `pose.position`.
+    """
+    turns, spelled = _quaternions(file), _spelled(file)
+    places = [name for name in known if name.endswith("position")] or list(known)
+    if len(turns) != 1 or len(places) != 1:
+        return None
+    position = spelled.get(places[0], [f"{places[0]}.{axis}" for axis in "xyz"])
+    return {"position": position, "rotation": turns[0], "order": "xyzw"}
 
 
 def _alike(names: list[str], count: int) -> list[str]:
@@ -285,7 +319,22 @@ def _by_name(names: Sequence[str], known: Sequence[str]) -> dict[str, str]:
         near = get_close_matches(_plain(name), left, n=1, cutoff=0.8)
         if near and name not in found:
             found[name] = last[near[0]]
+    for name in names:
+        left = [
+            each for each in known if each not in found.values() and _words(name) <= _words(each)
+        ]
+        if name not in found and _words(name):
+            told = [n for n in left if COMMANDS.search(n.lower())]
+            told = told or [n for n in left if not MEASURED.search(n.lower())]
+            if len(told) == 1:
+                found[name] = told[0]
     return {name: found[name] for name in names if name in found}
+
+
+def _words(name: str) -> set[str]:
+    """Words and numbers in a name, but for those that tell no marker or winch from another."""
+    found = re.findall(r"[a-z]+|\d+", name.lower())
+    return {word for word in found if not KINDS.fullmatch(word)}
 
 
 def _digits(name: str) -> str:
@@ -370,6 +419,10 @@ def _add_commands(
     how = draft.how()
     sheets = Sheets(folder, how, how.files, draft.files)
     used = {f"{n}{end}" for n in sheets.markers() for end in (".x", ".y", ".z", *QUATERNION)}
+    used |= {
+        name for file in draft.files.values() for axes in _spelled(file).values() for name in axes
+    }
+    used |= {name for file in draft.files.values() for turn in _quaternions(file) for name in turn}
     used |= {f"{n}{end}" for n in _sources(draft) for end in ("", "[0]", "[1]", "[2]")}
     columns = [n for n in sheets.names() if n not in used and n.lower() not in TIME_NAMES]
     columns = [n for n in columns if n not in _times(how) and not n.lower().startswith("frame")]
@@ -388,12 +441,18 @@ def _add_commands(
             f"commands of {', '.join(missing)} are to fill in ({HOLD}: never moved); there are: "
             f"{', '.join(columns[:40])}"
         )
-    draft.values["commands"] = {
-        winch.name: _command(str(found[winch.name]), winch.kind) for winch in robot.winches
-    }
+    told = {winch.name: _command(str(found[winch.name]), winch.kind) for winch in robot.winches}
+    draft.values["commands"] = told
     draft.remarks.append(
         "commands are taken for m/s, those of positions for m, tensions for N: compare with the log's units"
     )
+    if any(
+        isinstance(each, dict) and each["unit"].removesuffix("/s") in ANGLES
+        for each in told.values()
+    ):
+        draft.remarks.append(
+            "commands that are angles of a drum need its radius, as drum: 0.02 (m)"
+        )
     sensors = {winch.sensor: winch.name for winch in robot.winches if winch.sensor}
     if measured := _by_name(list(sensors), columns):
         draft.values["winches"] = {sensors[name]: their for name, their in measured.items()}

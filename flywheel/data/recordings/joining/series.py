@@ -158,7 +158,8 @@ def _told(each: Series | float, time: Floats) -> Floats:
     means = held(np.append(each.time, end), np.append(each.values, 0.0)[:, None], edges[distinct])[
         :, 0
     ]
-    return means[np.minimum(np.cumsum(distinct)[:-1] - 1, len(means) - 1)]
+    from_here = np.cumsum(distinct) - distinct  # of two rows at one time both have what follows
+    return means[np.minimum(from_here[:-1], len(means) - 1)]
 
 
 def _nearest(each: Series, time: Floats, dt: float) -> Floats:
@@ -207,7 +208,8 @@ def _no_overlap(base: Series, commands: Sequence[Series | float]) -> str:
     )
     return (
         f"points and commands are not of the same time: {base.source.name} from {base.time[0]:.6g} to "
-        f"{base.time[-1]:.6g} s, {others}. Do the files have different clocks? Give offset under files."
+        f"{base.time[-1]:.6g} s, {others}. Do the files have different clocks? Give align: auto, or offset, "
+        "under files."
     )
 
 

@@ -280,3 +280,14 @@ def test_the_command_takes_a_log_or_a_map_that_names_it(truth: Truth, folder: Pa
         refusal = CliRunner().invoke(app, [*base, *wrong])
         assert refusal.exit_code == 2
         assert words in " ".join(refusal.output.split())
+
+
+def test_rows_of_points_that_were_sent_twice_are_dropped_beside_commands_of_another_file(
+    folder: Path, truth: Truth
+) -> None:
+    lines = (folder / "take.tsv").read_text().splitlines()
+    changes = round(HELD * writers.RATE)  # the row in which a command changes
+    row = next(i for i, line in enumerate(lines) if line.startswith(f"{changes + 1}\t"))
+    (folder / "take.tsv").write_text("\n".join([*lines[: row + 1], *lines[row:]]) + "\n")
+    track, _ = imported(folder / "take.tsv", FILES + COMMANDS, truth)
+    check(track, truth)

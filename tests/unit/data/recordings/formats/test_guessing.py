@@ -199,3 +199,70 @@ def test_a_file_of_poses_in_an_array_is_told_with_its_columns(truth: Truth, tmp_
     np.savez(tmp_path / "log.npz", t=TIME, p=np.zeros((len(TIME), 6)))
     text = guess([tmp_path / "log.npz"], truth.robot, tmp_path)
     assert "or poses of bodies; there are: t, p[0], p[1], p[2], p[3], p[4], p[5]\n" in text
+
+
+def log(truth: Truth, path: Path, points: list[str], told: list[str], scale: float = 1.0) -> Path:
+    """A table of the times, points and commands in columns of these names, with a row twice."""
+    cells = [
+        [f"{t:.4f}", *(f"{scale * x:.7f}" for x in p.ravel()), *(f"{x:.7f}" for x in u)]
+        for t, p, u in zip(TIME, truth.points(TIME), truth.commands(TIME), strict=True)
+    ]
+    return rows(path, ",".join(["t [s]", *points, *told]), [*cells[:90], *cells[89:]])
+
+
+@pytest.mark.parametrize(
+    ("spelled", "told", "scale"),
+    [
+        ("{n}_Pos_{a}_mm", ["FL_mm", "FR_mm", "Rear_mm"], 1000.0),
+        ("{n}{a}", ["fl", "fr", "rear"], 1 / 0.0254),
+        ("{i}{a}", ["u_fl", "u_fr", "u_rear"], 100.0),
+        ("{n}_{a}", ["cmd_fl", "cmd_fr", "cmd_rear"], 1.0),
+        ("Rig {n} {a}", ["w1", "w2", "w3"], 1000.0),
+    ],
+)
+def test_columns_of_a_marker_end_in_x_y_and_z_however_they_are_spelled(
+    spelled: str, told: list[str], scale: float, truth: Truth, tmp_path: Path
+) -> None:
+    names = [
+        spelled.format(n=name.title(), i=f"P{i}", a=axis.upper() if "_" in spelled else axis)
+        for i, name in enumerate(writers.names(truth))
+        for axis in "xyz"
+    ]
+    others = [f"enc_{name}" for name in ("fl", "fr", "rear")]  # measured, and no commands
+    path = log(truth, tmp_path / "log.csv", names, told, scale)
+    table = [line.split(",") for line in path.read_text().splitlines()]
+    more = [others, *([str(i)] * 3 for i in range(len(table) - 1))]
+    rows(
+        path, ",".join(table[0] + others), [a + b for a, b in zip(table[1:], more[1:], strict=True)]
+    )
+    units = {"commands": {w.name: {"from": n, "unit": "m"} if w.kind == "position" else n
+                          for w, n in zip(truth.robot.winches, told, strict=True)}}  # fmt: skip
+    track, draft = imported_draft([path], truth, **units)
+    check(track, truth, hidden=False)
+    found = [each if isinstance(each, str) else each["from"] for each in draft["commands"].values()]
+    assert found == told
+
+
+def test_a_pose_is_a_position_and_a_quaternion_by_any_name(truth: Truth, tmp_path: Path) -> None:
+    place, turn = truth.pose(TIME)
+    velocity = np.gradient(place, axis=0)
+    cells = [
+        [str(round(1e6 * t) + 123456789), *(f"{x:.9f}" for x in [*v, *p, *q[[3, 0, 1, 2]], *u])]
+        for t, v, p, q, u in zip(TIME, velocity, place, turn, truth.commands(TIME), strict=True)
+    ]
+    header = "us,vx,vy,vz,px,py,pz,qw,qx,qy,qz,fl_cmd,fr_cmd,rear_cmd"
+    track, draft = imported_draft([rows(tmp_path / "log.csv", header, cells)], truth)
+    check(track, truth, hidden=False)
+    assert draft["poses"]["platform"]["rotation"] == ["qx", "qy", "qz", "qw"]
+
+
+def test_commands_in_degrees_of_a_drum_ask_for_its_radius(truth: Truth, tmp_path: Path) -> None:
+    names = [f"{n}{a}" for n in writers.names(truth) for a in "xyz"]
+    path = log(truth, tmp_path / "log.csv", names, ["FL_vel_deg_s", "FR_vel_deg_s", "Rear_rad"])
+    text = guess([path], truth.robot, tmp_path)
+    assert "commands that are angles of a drum need its radius" in text
+    assert yaml.safe_load(text)["commands"] == {
+        "winch_fl": {"from": "FL_vel_deg_s", "unit": "deg/s"},
+        "winch_fr": {"from": "FR_vel_deg_s", "unit": "deg/s"},
+        "rear": {"from": "Rear_rad", "unit": "rad"},
+    }
