@@ -63,7 +63,7 @@ def test_arrays_that_do_not_read_back_are_not_stored(tmp_path, make_episode, mon
         arrays, attributes = decode(files)
         return {name: values + (name == "controls") for name, values in arrays.items()}, attributes
 
-    monkeypatch.setattr("flywheel.data.segments.decode", other)
+    monkeypatch.setattr("flywheel.data.zarr_files.decode", other)
     with pytest.raises(DataError, match="array controls differs when read back"):
         TrajectoryStore(tmp_path).commit("one", [make_episode("e0")])
     assert TrajectoryStore(tmp_path).committed() == {}
