@@ -47,11 +47,12 @@ class _Unfit(NamedTuple):
     but: str
 
 
-_FILE = _Unfit(
-    "reads another file",
+_PLAIN = (
     "a robot is one self-contained file of primitive geoms, because it is sent to workers and "
-    "stored with the data",
+    "stored with the data"
 )
+_FILE = _Unfit("reads another file", _PLAIN)
+_SHAPE = _Unfit("has a shape that is no primitive", _PLAIN)
 _SOFT = _Unfit("has a flexible part", "bodies are rigid here; give them joints or cables")
 _PLUGIN = _Unfit("needs a plugin of MuJoCo", "a robot must be the same on every installation")
 _MUSCLE = _Unfit(
@@ -71,7 +72,8 @@ _PERCENT = _Unfit(
     "MuJoCo may take it for a command of its messages: write another character",
 )
 UNFIT = {
-    **dict.fromkeys(("mesh", "hfield", "skin", "include", "model", "attach"), _FILE),
+    **dict.fromkeys(("mesh", "hfield", "skin"), _SHAPE),
+    **dict.fromkeys(("include", "model", "attach"), _FILE),
     **dict.fromkeys(("flexcomp", "flex", "deformable", "composite"), _SOFT),
     **dict.fromkeys(("plugin", "extension"), _PLUGIN),
     "muscle": _MUSCLE,

@@ -123,6 +123,7 @@ def test_what_would_take_much_memory_is_refused(xml: str, message: str) -> None:
         (with_world('<flexcomp name="f" type="grid" count="99 99 1"/>'), "a flexible part"),
         (with_world('<attach model="m" body="b" prefix="p"/>'), "reads another file"),
         (with_assets('<texture name="t" type="2d" file="picture.png"/>'), "reads another file"),
+        (with_assets('<mesh name="m" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/>'), "is no primitive"),
         (with_assets('<hfield name="h" nrow="30000" ncol="30000" size="1 1 1 1"/>'), "hfield"),
         (
             edited((BEGIN, f'<!DOCTYPE m [<!ENTITY a "b">]>{BEGIN}')).strip(),
