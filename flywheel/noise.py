@@ -15,6 +15,9 @@ NORMAL = 0.6745  # median absolute deviation of a unit normal
 ROUNDING = 1e-12  # of numbers that are computed, relative to them
 UNIFORM = 12.0**-0.5  # standard deviation of what rounding to whole numbers adds
 DOUBT = 3.2  # by simulation: neighbouring differences share samples, and a median wastes some
+EVEN = (
+    0.8  # share of samples in a steady rhythm, from which on a longer control step has most of them
+)
 FEWEST = 50  # differences below which an estimate means nothing
 
 
@@ -65,12 +68,15 @@ def noise_doubt(points: Sequence[Floats]) -> float:
 
 
 def _slower(points: Sequence[Floats]) -> str:
-    """The control step with which a slower sensor has a sample in each, as a sentence; "" if it has one."""
+    """How a log of a slower sensor can be used, as a sentence; "" if the sensor is not slower."""
     seen = [np.flatnonzero(np.isfinite(p[:, i, 0])) for p in points for i in range(p.shape[1])]
     apart = np.concatenate([np.diff(rows) for rows in seen] or [np.empty(0)])
     if len(apart) == 0 or (steps := np.median(apart)) <= 1:
         return ""
-    return f" Most samples are {steps:.0f} control steps apart: a --dt {steps:.0f} times as long has all."
+    words = f" Most samples are {steps:.0f} control steps apart"
+    if (apart % steps == 0).mean() < EVEN:
+        return f"{words}, but not evenly: only diagnose can use them, with --noise."
+    return f"{words}: a --dt {steps:.0f} times as long has all."
 
 
 def _differences(points: Sequence[Floats]) -> Floats:

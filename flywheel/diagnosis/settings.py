@@ -30,7 +30,7 @@ class WindowSettings:
       seconds: length of a window, in natural units. Longer ones forget their initial states, shorter ones
         contain little information besides them.
       remnant: fraction of that length below which a recording gives no window if others do.
-      least_measured: fraction of present samples that a window needs.
+      least_measured: share of its samples that a window needs; a tracker of 20 Hz has a fifth of 100 Hz.
       noise: standard deviation of each coordinate's noise [m]; 0 to estimate it from the recordings. Logs
         that were filtered have lost it, and would be fitted to the last digit.
       least_noise: estimated noise, in lengths of the robot, below which recordings seem to be filtered:
@@ -39,7 +39,7 @@ class WindowSettings:
 
     seconds: float = 1.8
     remnant: float = 0.5
-    least_measured: float = 0.3
+    least_measured: float = 0.1
     noise: float = 0.0
     least_noise: float = 2e-6
 

@@ -104,7 +104,7 @@ def blind(log: Trajectory) -> Trajectory:
     "wrong, said",
     [
         (lambda log: replace(log, dt=2 * log.dt), "in control steps of 0.02 s"),
-        (blind, "No window has 30% of its points measured"),
+        (blind, "No window has 10% of its points measured"),
     ],
 )
 def test_recordings_that_cannot_be_judged_by_are_refused_before_the_search(

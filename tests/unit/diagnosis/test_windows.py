@@ -143,3 +143,7 @@ def test_where_a_sensor_is_slower_the_step_that_has_all_its_samples_is_named(rng
         noise_floor([slower])
     with pytest.raises(DataError, match="do not count.$"):
         noise_floor([np.full((400, 3, 3), np.nan)])
+    uneven = moving(rng)
+    uneven[np.setdiff1d(np.arange(400), np.cumsum(rng.integers(3, 8, 100)))] = np.nan
+    with pytest.raises(DataError, match="but not evenly: only diagnose can use them, with --noise"):
+        noise_floor([uneven])
