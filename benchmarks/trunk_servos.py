@@ -3,7 +3,7 @@
     git clone https://github.com/StanfordASL/trunk-stack CHECKOUT
     python -m benchmarks.trunk_servos CHECKOUT/stack/main/data/trajectories/dynamic/servo_motor_archive FOLDER
     cd FOLDER
-    flywheel diagnose monday.csv tuesday.csv --held-out friday.csv --robot servos.xml
+    flywheel diagnose monday.csv tuesday.csv --held-out friday.csv --robot servos.xml --noise 0.00016
 
 The log (MIT licence) has the angles that the motors were told and those that they had, at 100 Hz. The trunk
 bends and its tendons pass several discs, which no cable of `flywheel` can. So each motor is looked at by
