@@ -12,7 +12,6 @@ from __future__ import annotations
 import argparse
 import math
 import os
-import resource
 import time
 from collections import Counter
 from collections.abc import Sequence
@@ -21,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.seconds import cpu_seconds
 from flywheel.demo.assessment import RIGHT, Naming
 from flywheel.demo.demonstration import (
     NOTHING,
@@ -132,14 +132,14 @@ def tell(
     rng = np.random.default_rng(seed)
     hidden = effect if effect == NOTHING else placed_effect(robot, HIDDEN[effect], rng)
     about = {"name": f"{robot.name}.{effect}.s{seed}", "hidden": hidden, "seed": seed}
-    begun, spent = time.perf_counter(), _cpu_seconds()
+    begun, spent = time.perf_counter(), cpu_seconds()
     try:
         story = demonstrate(robot, hidden, seed, config, progress)
     except FlywheelError as error:
         return DemoResult.model_validate({**about, "outcome": FAILED, "sentence": str(error)})
     took = {
         "seconds": round(time.perf_counter() - begun, 1),
-        "cpu_seconds": round(_cpu_seconds() - spent, 1),
+        "cpu_seconds": round(cpu_seconds() - spent, 1),
         "load": round(os.getloadavg()[0], 2),
     }
     return DemoResult.model_validate({**about, **_numbers(story), **took})
@@ -165,12 +165,6 @@ def _numbers(story: Demonstration) -> dict[str, object]:
         "held_out_before": errors.baseline / errors.noise,
         "held_out": errors.augmented / errors.noise,
     }
-
-
-def _cpu_seconds() -> float:
-    """CPU seconds of this process, and of its finished children."""
-    used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
-    return sum(each.ru_utime + each.ru_stime for each in used)
 
 
 def row_of(result: DemoResult) -> DemoRow:

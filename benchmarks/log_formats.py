@@ -14,7 +14,6 @@ from __future__ import annotations
 import argparse
 import json
 import re
-import resource
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -28,6 +27,7 @@ import yaml
 from typer.testing import CliRunner
 
 from benchmarks.rows import RESULTS, rows_there, write_rows
+from benchmarks.seconds import cpu_seconds
 from flywheel.cli.main import app
 from flywheel.data import TrajectoryStore
 from flywheel.errors import DataError
@@ -41,14 +41,11 @@ LOG_FORMATS_CSV = RESULTS / "log_formats.csv"
 SECONDS = 32.0  # of the motion
 TRACKED = 2.0  # its time at the tracker's time 0 [s]
 SEEN = 29.0  # by the tracker [s]
-COMMANDS_FROM = (
-    0.304  # its time at the first row of commands [s]; each is logged when it begins to act
-)
+# Its time at the first row of commands; each is logged when it begins to act [s].
+COMMANDS_FROM = 0.304
 COMMANDS_RATE = 125.0  # [Hz]
-OFFSET, PACE = (
-    -0.1876,
-    1.0003,
-)  # the tracker's time at the controller's time 0 [s]; its seconds per second of it
+# The tracker's time at the controller's time 0 [s]; its seconds per second of it.
+OFFSET, PACE = -0.1876, 1.0003
 GOALS = (2e-3, 1e-4, 0.1)  # [s], of the rate, [mm]
 CLOCK = re.compile(r"its time 0 is (\S+) s of .*?, its second (\S+) s,")
 
@@ -222,13 +219,13 @@ def measured(case: LogFormat, truth: Truth, folder: Path) -> LogFormatRow:
     take, motors = (folder / name for name in case.names)
     case.markers(truth.by(TRACKED), take, own)
     case.commands(truth.by(TRACKED + OFFSET, PACE), motors, told)
-    before = _seconds()
+    before = cpu_seconds()
     try:
         said = _imported(case, truth.robot, folder)
     except DataError as error:
         none = dict.fromkeys(("offset", "pace", "position", "kept", "seconds"), np.nan)
         return LogFormatRow(case.title, case.by, len(case.answers), **none, problem=str(error))
-    seconds = _seconds() - before
+    seconds = cpu_seconds() - before
     off, pace = _clock_errors(
         [f["words"] for f in said["findings"] if f["kind"] == "clock"], told, case.zero
     )
@@ -297,12 +294,6 @@ def _run(*arguments: str) -> str:
     if done.exit_code:
         raise DataError(done.stderr.strip() or repr(done.exception))
     return done.stdout
-
-
-def _seconds() -> float:
-    """CPU seconds of this process and its children."""
-    used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
-    return sum(each.ru_utime + each.ru_stime for each in used)
 
 
 def table(rows: Sequence[LogFormatRow]) -> list[str]:

@@ -15,9 +15,8 @@ NORMAL = 0.6745  # median absolute deviation of a unit normal
 ROUNDING = 1e-12  # of numbers that are computed, relative to them
 UNIFORM = 12.0**-0.5  # standard deviation of what rounding to whole numbers adds
 DOUBT = 3.2  # by simulation: neighbouring differences share samples, and a median wastes some
-EVEN = (
-    0.8  # share of samples in a steady rhythm, from which on a longer control step has most of them
-)
+# Share of samples in a steady rhythm, from which on a longer control step has most of them.
+EVEN = 0.8
 FEWEST = 50  # differences below which an estimate means nothing
 
 

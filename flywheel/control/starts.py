@@ -16,9 +16,8 @@ from flywheel.terrain import is_level
 
 FREE_JOINT = 7  # position and quaternion
 HEIGHT = (0.03, 0.4)  # height of the lowest cap's surface above the ground [robot lengths]
-TILT = np.radians(
-    10.0
-)  # of a perturbed start, at most: half of that at which prism3 tips over [rad]
+# Tilt of a perturbed start, at most: half of that at which prism3 tips over [rad].
+TILT = np.radians(10.0)
 FLIGHT, SPIN = (
     0.5,
     1.0,

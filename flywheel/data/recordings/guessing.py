@@ -43,9 +43,8 @@ COUNTS = re.compile(r"frame|index|seq|count|sample|row|step")  # columns that ar
 COMMANDS = re.compile(
     r"cmd|command|told|set|target|tgt|ref|goal|ctrl|control|desired|soll|(^|[\W_])u([\W_\d]|$)"
 )
-MEASURED = re.compile(
-    r"enc|meas|actual|feedback|(^|[\W_])(fb|ist|is)([\W_]|$)"
-)  # columns that are no commands
+# Columns that are no commands.
+MEASURED = re.compile(r"enc|meas|actual|feedback|(^|[\W_])(fb|ist|is)([\W_]|$)")
 WITH_UNIT = re.compile(
     r"\s*[\[(]\s*(?P<in>(?:[mc]?m|in|ft|rad|deg|turn|k?N|m?s)(?:/s)?)\s*[\])]\s*$"
     r"|_(?P<as>(?:[mc]?m|rad|deg)(?:_s)?)$"

@@ -41,11 +41,11 @@ def by_marker(stream: Stream) -> Stream:
         return stream
     check_size(3 * len(when) * len(names), "a table of its markers")
     _check_once(at, which, when, names)
-    columns: dict[str, Floats] = {}
+    columns, places = dict[str, Floats](), {name for name, _ in axes.values()}
     for name, values in stream.columns.items():
         one = np.full(len(when), np.nan)
         one[at] = values
-        if name not in dict(axes.values()) and np.array_equal(one[at], values, equal_nan=True):
+        if name not in places and np.array_equal(one[at], values, equal_nan=True):
             columns[name] = one
     for axis in sorted(axes):
         found = np.full((len(when), len(names)), np.nan)

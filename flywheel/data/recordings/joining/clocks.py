@@ -115,9 +115,8 @@ def _between(
         for each, longer in zip(movers, found.longer, strict=True)
     ]
     far = max(abs(time[0]), abs(time[-1]), 100.0)
-    digits = 4 + ceil(
-        log10(far)
-    )  # with which a pace is as exact as the offset, also of stamps since 1970
+    # A pace with these is as exact as the offset, also of stamps since 1970.
+    digits = 4 + ceil(log10(far))
     words = (
         f"its time 0 is {found.clock.offset:.4f} s of {sheets.files[0].name}, its second "
         f"{found.clock.pace:.{digits}f} s, within {1e3 * found.sd:.2g} ms{sure}; "
