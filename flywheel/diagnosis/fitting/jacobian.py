@@ -14,6 +14,9 @@ from flywheel.records import Floats, State
 # contacts make every one of them blind somewhere.
 STATE_STEPS = (2e-3, 8e-3, 5e-4)
 WINCH_STEP = 1e-3  # of a winch's offset, in lengths of the robot
+# Distance, in lengths of the robot, from the points in a window's own steps (RMS) above which `hasty` ones lead
+# nowhere: cables too stiff for them. Shipped robots stay within a hundredth.
+STRAY = 0.05
 
 
 class FiniteDifferences:
@@ -43,25 +46,32 @@ class FiniteDifferences:
     def rough(self, fit: Fit, members: np.ndarray, step: float) -> Jacobian:
         """The same, roughly, with differences of a `step` in natural units."""
         local = fit.local[members]
-        simulator, here = self._begun(fit, members, local)
+        simulator, here = self._begun(fit, members, local, fit.points[members])
         by_local = self._of_one_side(simulator, fit, members, local, here, step)
         return Jacobian(by_local, self._by_winch(simulator, fit, members, here))
 
-    def rough_by_local(self, fit: Fit, members: np.ndarray, local: Floats, step: float) -> Floats:
-        """(n, D, X) of windows `members` (n,) at local parameters (n, X), by differences of a `step`."""
-        simulator, here = self._begun(fit, members, local)
+    def rough_by_local(
+        self, fit: Fit, members: np.ndarray, local: Floats, points: Floats, step: float
+    ) -> Floats:
+        """(n, D, X) of windows `members` (n,) at local parameters (n, X), by differences of a `step`.
+
+        Their `points` (n, steps + 1, P, 3) there are in the time steps of each window [m].
+        """
+        simulator, here = self._begun(fit, members, local, points)
         return self._of_one_side(simulator, fit, members, local, here, step)
 
     def _begun(
-        self, fit: Fit, members: np.ndarray, local: Floats
+        self, fit: Fit, members: np.ndarray, local: Floats, points: Floats
     ) -> tuple[WindowSimulator, Floats]:
         """Simulator of rough differences, and the points of windows at their origin.
 
-        Windows that diverge in such steps keep their own.
+        Windows that end up far from `points` in such steps keep their own.
         """
         simulator, states = self._hasty, self._simulator.moved(self._first[members], local)
         here = simulator.parallel(states, fit.carried, fit.terms, members)
-        lost = ~np.isfinite(here).all(axis=(1, 2, 3))
+        robot = simulator.windows.robot
+        apart = np.square(here - points)[:, :, : len(robot.points)].sum(axis=3).mean(axis=(1, 2))
+        lost = ~(apart <= (STRAY * robot.length) ** 2)  # or not finite
         if lost.any():
             able = ~np.isin(np.arange(len(simulator.windows)), members[lost])
             simulator = self._simulator.hasty(able)

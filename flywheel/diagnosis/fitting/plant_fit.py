@@ -285,7 +285,7 @@ class PlantFitter(Fitter):
         """
         states = self.simulator.moved(self.first[members], local)
         points = self.simulator.parallel(states, fit.carried, fit.terms, members)
-        by_local = self.differences.rough_by_local(fit, members, local, step)
+        by_local = self.differences.rough_by_local(fit, members, local, points, step)
         left = np.nan_to_num(self.windows.residual_of(members, points))
         steps = np.stack([self._steps(local, by_local, left, d) for d in DAMPINGS])
         tried = np.concatenate([np.zeros_like(local)[None], steps]) + local

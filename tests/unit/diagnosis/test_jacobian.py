@@ -69,7 +69,10 @@ def test_rough_ones_say_which_way_to_go(finer: PlantFitter, seed: int) -> None:
     assert after.cost - noise < 0.3 * (fit.cost - noise), seed
 
 
-def test_windows_that_diverge_in_hasty_steps_keep_their_own(fitter, halved, seed, monkeypatch):
+@pytest.mark.parametrize("stray", [True, False])
+def test_windows_that_diverge_or_stray_in_hasty_steps_keep_their_own(
+    fitter, halved, seed, stray, monkeypatch
+):
     fit = somewhere(fitter, seed)
     hasty = fitter.rough_jacobian(fit)
     simulate = type(fitter.simulator)._simulated
@@ -77,6 +80,9 @@ def test_windows_that_diverge_in_hasty_steps_keep_their_own(fitter, halved, seed
     def lost(self, rows, *arguments):
         motion = simulate(self, rows, *arguments)
         gone = (self.fineness[rows] == HASTY) & halved[rows]
+        if stray:
+            far = 0.1 * fitter.windows.robot.length * gone
+            return replace(motion, points=motion.points + far[:, None, None, None])
         return replace(motion, finite=motion.finite & ~gone)
 
     monkeypatch.setattr(type(fitter.simulator), "_simulated", lost)
