@@ -8,7 +8,8 @@
 The log (MIT licence) has the angles that the motors were told and those that they had, at 100 Hz. The trunk
 bends and its tendons pass several discs, which no cable of `flywheel` can. So each motor is looked at by
 itself: an MJCF of six weights, each on the cable of one winch, with the measured angle for the height
-of its weight. Nothing measures the winches after the first row. What motors lack, a regression of measured
+of its weight. Nothing measures the winches after the first row. A log begins with what the motors were told
+before it is measured: late ones are still doing that. What motors lack, a regression of measured
 on told angles says, too, which the diagnosis does not see.
 """
 
@@ -31,7 +32,9 @@ DRUM = 0.1  # of all winches: weights fall behind no motor [m]
 LENGTH, CEILING, APART = 1.0, 2.0, 0.2  # of a cable at angle 0; of the anchors [m]
 # Of a cable and its weight: 16 Hz, half of critical [N/m, N s/m, kg].
 STIFFNESS, DAMPING, MASS = 1e4, 100.0, 1.0
-LOGS = {"monday": (20.0, 3.0), "tuesday": (60.0, 3.0), "friday": (125.0, 3.0)}  # begin, length [s]
+# Begin and length of what is measured [s].
+LOGS = {"monday": (20.0, 3.0), "tuesday": (60.0, 3.0), "friday": (125.0, 3.0)}
+BEFORE = 0.3  # of commands at the beginning of a log without measurements, longer than motors are late [s]
 DELAYS = range(41)  # rows of the log
 LAGS = np.arange(0.0, 0.11, 0.01)  # time constants [s]
 
@@ -113,6 +116,7 @@ def write_log(path: Path, log: ServoLog, robot: Robot) -> None:
     heights = CEILING - lengths - MASS * GRAVITY / STIFFNESS
     across = np.broadcast_to(APART * np.arange(MOTORS), heights.shape)
     points = np.stack([across, np.zeros_like(heights), heights], axis=2)
+    points[: round(BEFORE / DT)] = np.nan
     wound = np.full_like(lengths, np.nan)
     wound[0] = lengths[0]
     track = Trajectory(Observation(points, wound), LENGTH + DRUM * log.told, DT)
@@ -137,7 +141,8 @@ def main() -> None:
     robot = read_robot(mjcf())
     for name, (begin, seconds) in LOGS.items():
         first, last = round(begin / DT), round((begin + seconds) / DT)
-        part = ServoLog(log.told[first:last], log.had[first : last + 1])
+        begun = first - round(BEFORE / DT)
+        part = ServoLog(log.told[begun:last], log.had[begun : last + 1])
         write_log(given.folder / f"{name}.csv", part, robot)
 
 
