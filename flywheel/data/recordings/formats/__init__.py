@@ -2,7 +2,15 @@
 
 from flywheel.data.recordings.formats.detection import FORMATS, TABLE, format_of
 from flywheel.data.recordings.formats.opening import LogFile, open_log
-from flywheel.data.recordings.formats.stream import ANGLES, POSITION, QUATERNION, Contents, Stream
+from flywheel.data.recordings.formats.stream import (
+    ANGLES,
+    POSITION,
+    QUATERNION,
+    TIME_NAMES,
+    Contents,
+    Stream,
+    named_time,
+)
 
 __all__ = [
     "ANGLES",
@@ -10,9 +18,11 @@ __all__ = [
     "POSITION",
     "QUATERNION",
     "TABLE",
+    "TIME_NAMES",
     "Contents",
     "LogFile",
     "Stream",
     "format_of",
+    "named_time",
     "open_log",
 ]

@@ -8,14 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flywheel.data.recordings.formats.arrays import WIDEST, check_size
-from flywheel.data.recordings.formats.stream import POSITION, Stream
+from flywheel.data.recordings.formats.stream import POSITION, Stream, named_time
 from flywheel.errors import DataError
 from flywheel.records import Floats
 
 Indices = NDArray[np.int64]
 
-TIME = re.compile(r"t|.*(time|stamp).*", re.I)
-FRAME = re.compile(r"frame.*", re.I)  # tells the rows of a time where no time does
 MARKER = re.compile(r".*(marker|label|point|body|track|object).*|(.*[_. ])?(name|id)", re.I)
 AXIS = re.compile(
     r"(?:(?:pos|position|p)[_. ]?)?([xyz])(?:[ _]*[\[(]?(mm|cm|m|in|ft)[\])]?)?", re.I
@@ -30,7 +28,8 @@ def by_marker(stream: Stream) -> Stream:
     Raises:
       DataError: a marker has two rows at one time.
     """
-    times = [n for kind in (TIME, FRAME) for n in stream.columns if kind.fullmatch(n)]
+    times = [name for name in stream.columns if named_time(name)]
+    times += [name for name in stream.columns if name.lower().startswith("frame")]
     axes = {m[1].lower(): (n, m[2]) for n in stream.columns if (m := AXIS.fullmatch(n))}
     markers = [n for n in (*stream.texts, *stream.columns) if MARKER.fullmatch(n)]
     if not times or not markers or len(axes) < len(POSITION):

@@ -34,6 +34,11 @@ class LogFile:
     streams: tuple[Stream, ...]
     notes: tuple[str, ...]
 
+    @property
+    def columns(self) -> list[str]:
+        """Names of all columns of numbers."""
+        return [name for stream in self.streams for name in stream.columns]
+
 
 def open_log(path: Path, kind: str | None = None, names: tuple[str, ...] = ()) -> LogFile:
     """Read a file.

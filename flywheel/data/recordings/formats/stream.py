@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,6 +13,13 @@ from flywheel.records import Floats
 POSITION = (".x", ".y", ".z")  # columns of a marker, or of a body's position
 QUATERNION = (".qx", ".qy", ".qz", ".qw")  # columns of a body's rotation
 ANGLES = (".rx", ".ry", ".rz")  # the same in three angles, in the order of the file
+TIME_NAMES = (
+    "time",
+    "t",
+    "timestamp",
+    "timestamps",
+    "stamp",
+)  # columns of times, even where the map does not say so
 
 
 @dataclass(frozen=True)
@@ -67,6 +75,11 @@ class Reader(Protocol):
           DataError: it is damaged, or holds nothing of use.
         """
         ...
+
+
+def named_time(name: str) -> bool:
+    """True for a column that may be the time by its name."""
+    return name.lower() in TIME_NAMES or re.search(r"time|stamp", name.lower()) is not None
 
 
 def metres(word: str) -> str | None:

@@ -12,7 +12,15 @@ from types import MappingProxyType
 
 import numpy as np
 
-from flywheel.data.recordings.formats import ANGLES, POSITION, QUATERNION, LogFile, Stream, open_log
+from flywheel.data.recordings.formats import (
+    ANGLES,
+    POSITION,
+    QUATERNION,
+    TIME_NAMES,
+    LogFile,
+    Stream,
+    open_log,
+)
 from flywheel.data.recordings.formats.text import numbers
 from flywheel.data.recordings.mapping import RecordingMap
 from flywheel.data.recordings.report import listed
@@ -20,7 +28,6 @@ from flywheel.data.recordings.sources import TIMES, FileEntry, factor_of
 from flywheel.errors import DataError
 from flywheel.records import Floats
 
-TIME_NAMES = ("time", "t", "timestamp", "timestamps", "stamp")
 SLICE = re.compile(r"(.*)\[(\d+):(\d+)\]")
 
 
