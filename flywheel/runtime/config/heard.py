@@ -36,9 +36,8 @@ _DRAWN_BOXES = (
     "task.name=reach_among_boxes, and no task.obstacles",
     lambda config: config.task.name == "reach_among_boxes" and not config.task.obstacles,
 )
-_DIAGNOSED = ("diagnose.on=true", lambda config: config.diagnose.on)
-_CORRECTED = ("residual.on=true", lambda config: config.residual.on)
-# A setting, or all settings below it -> what it needs in words, and whether a configuration has that.
+# A setting, or all settings below it -> what it needs in words, and whether a configuration has that. Those
+# of a part with the setting `on` need that one, and are not listed.
 NEEDS: dict[str, tuple[str, Counts]] = {
     "task.course": _task("obstacle_course"),
     "task.spread": _ON_COURSES,
@@ -55,13 +54,6 @@ NEEDS: dict[str, tuple[str, Counts]] = {
     "terrain.step_length": _kind("steps"),
     "terrain.size": _kind("slope", "bumps", "steps"),
     "terrain.cell": _kind("slope", "bumps", "steps"),
-    "diagnose.effects": _DIAGNOSED,
-    "diagnose.unsure": _DIAGNOSED,
-    "diagnose.seconds": _DIAGNOSED,
-    "diagnose.episode_seconds": _DIAGNOSED,
-    "diagnose.window_seconds": _DIAGNOSED,
-    "residual.network": _CORRECTED,
-    "residual.training": _CORRECTED,
     "evaluate.floor_window": ("evaluate.floor=true", lambda config: config.evaluate.floor),
 }
 
@@ -72,9 +64,14 @@ def check_heard(config: Any, overrides: Sequence[str]) -> None:
     Raises:
       ConfigError: one has no effect; the message names the setting that it needs.
     """
+    missing = {setting: words for setting, (words, counts) in NEEDS.items() if not counts(config)}
+    for name, part in config:
+        if not getattr(part, "on", True):
+            settings = [each for each in type(part).model_fields if each != "on"]
+            missing |= dict.fromkeys([f"{name}.{each}" for each in settings], f"{name}.on=true")
     for override in overrides:
-        for setting, (needs, counts) in NEEDS.items():
-            if re.match(rf"{re.escape(setting)}(?![a-z_])", override) and not counts(config):
+        for setting, needs in missing.items():
+            if re.match(rf"{re.escape(setting)}(?![a-z_])", override):
                 raise ConfigError(
                     f"{shown(override)} has no effect: {setting} needs {needs}. Give that as well, or leave "
                     "it out."
