@@ -58,7 +58,7 @@ class TrainingResult:
     Attributes:
       weights: file of the best weights.
       digest: sha256 of them.
-      best_error: selection error of the best weights, see `SELECTION`.
+      best_error: of the best weights: e_rot [deg] and mean RMSE/L of a window [%], added.
       best_step: optimiser steps done at that time; 0: the initial weights were never improved.
       steps: optimiser steps done.
       curve: one point every `report_every` steps and at each validation.

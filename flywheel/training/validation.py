@@ -21,7 +21,6 @@ from flywheel.records import Floats
 from flywheel.robots import Robot
 from flywheel.training.batches import generator, to_batch
 
-SELECTION = "e_rot [deg] + mean RMSE/L of a window [%]"
 _BLOCK = 64  # windows rolled out at a time, so that a block's activations stay in the cache
 _FAR = 1e3  # [m] where a rollout that is not finite is taken to have gone
 _PURPOSE = 3

@@ -5,10 +5,11 @@ Resumes whatever is in the folder, publishes nothing, and tells with its exit co
 
 import sys
 
+from flywheel.cli.exits import INTERRUPTED
 from flywheel.errors import FlywheelError
 from flywheel.runtime.config.run_config import load_config
 from flywheel.runtime.loop import run
-from flywheel.runtime.pool.interrupts import EXIT_CODE, Interrupted
+from flywheel.runtime.pool.interrupts import Interrupted
 from flywheel.runtime.pool.progress import Lines
 
 if __name__ == "__main__":
@@ -18,7 +19,7 @@ if __name__ == "__main__":
         run(load_config(path, overrides), folder, resume=True, tracked=False, progress=say)
     except Interrupted as stopped:
         sys.stderr.write(f"{stopped}\n")
-        sys.exit(EXIT_CODE)
+        sys.exit(INTERRUPTED)
     except FlywheelError as error:
         sys.stderr.write(f"{type(error).__name__}: {error}\n")
         sys.exit(1)

@@ -185,7 +185,7 @@ def _settled(out: Out, xml: str) -> tuple[str, bool]:
     out.say(words, style="green" if usable else "red")
     if usable and found.rest is not None and found.moved > SETTLED * robot.length:
         state = found.rest
-        xml = with_key(xml, "settled", state.qpos[0], state.act[0])
+        xml = with_key(xml, state.qpos[0], state.act[0])
         out.say(
             f"The first keyframe is where it rests, {found.moved:.3g} m from where it was, so that no reset "
             "begins with a fall."

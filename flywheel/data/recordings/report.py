@@ -89,14 +89,12 @@ class ImportReport:
     findings: tuple[Finding, ...]
 
 
-def spans_of(
-    where: NDArray[np.bool_], time: Floats, most: int = SPANS_KEPT
-) -> tuple[tuple[tuple[float, float], ...], int]:
+def spans_of(where: NDArray[np.bool_], time: Floats) -> tuple[tuple[tuple[float, float], ...], int]:
     """First and last time [s] of the first runs of true values, and the number of the other runs."""
     edges = np.diff(where.astype(np.int8), prepend=0, append=0)
     begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
-    kept = zip(time[begins[:most]].tolist(), time[ends[:most]].tolist(), strict=True)
-    return tuple(kept), len(begins[most:])
+    kept = zip(time[begins[:SPANS_KEPT]].tolist(), time[ends[:SPANS_KEPT]].tolist(), strict=True)
+    return tuple(kept), len(begins[SPANS_KEPT:])
 
 
 def counted(number: int, what: str) -> str:

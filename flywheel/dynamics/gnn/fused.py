@@ -57,7 +57,7 @@ class FusedForward:
             nodes, edges, messages = self._round(weights, nodes, edges, touching, final)
         return Prediction(
             velocity=self._decode_nodes(nodes[: self._graph.body_count].flatten(0, 1), samples),
-            winch=self._decode_cables(edges, messages) if self.packed.cable_decoder else None,
+            winch=self._decode_cables(messages["cable"]) if self.packed.cable_decoder else None,
             memory=memory,
         )
 
@@ -214,13 +214,12 @@ class FusedForward:
         decoded = _decode(nodes, self.packed.node_decoder)
         return decoded.view(3, steps, -1, samples)
 
-    def _decode_cables(self, edges: dict[str, Tensor], messages: dict[str, Tensor]) -> Tensor:
+    def _decode_cables(self, latent: Tensor) -> Tensor:
         """(n, W, K): decoded per cable edge, averaged over the edges of a winch.
 
         The average is taken before the last layer, because averaging commutes with it.
         """
         first, *middle, last = self.packed.cable_decoder
-        latent = messages["cable"]
         _, samples, width = latent.shape
         hidden = _linear(latent.view(-1, width), first).relu_()
         for layer in middle:

@@ -33,10 +33,10 @@ class Label:
     at: Floats
 
 
-def portrait(robot: Robot, shot: Shot = SHOT) -> tuple[NDArray[np.uint8], tuple[Label, ...]]:
+def portrait(robot: Robot) -> tuple[NDArray[np.uint8], tuple[Label, ...]]:
     """Pixels (height, width, 3) of a robot at its keyframe with the ends of its cables, and names in it."""
     model = scene(robot).compile()
-    width, height = shot.size
+    width, height = SHOT.size
     model.vis.global_.offwidth, model.vis.global_.offheight = width, height
     data = mujoco.MjData(model)
     data.qpos[:], data.act[:] = robot.keyframe.qpos, robot.keyframe.act
@@ -51,7 +51,7 @@ def portrait(robot: Robot, shot: Shot = SHOT) -> tuple[NDArray[np.uint8], tuple[
     ends = np.array([[place(end) for end in cable.ends] for cable in robot.cables])
     points = np.array([data.site(_site(model, point.name)).xpos for point in robot.points])
     bodies = np.array([data.body(body.name).xipos for body in robot.bodies])
-    view = _View(np.concatenate([ends.reshape(-1, 3), points, bodies]), model, shot)
+    view = _View(np.concatenate([ends.reshape(-1, 3), points, bodies]), model)
     with mujoco.Renderer(model, height=height, width=width) as renderer:
         renderer.update_scene(data, view.camera)
         pixels = renderer.render()
@@ -77,20 +77,20 @@ def _site(model: mujoco.MjModel, sensor: str) -> int:
 class _View:
     """A camera from which places (N, 3) are all seen [m]."""
 
-    def __init__(self, places: Floats, model: mujoco.MjModel, shot: Shot) -> None:
+    def __init__(self, places: Floats, model: mujoco.MjModel) -> None:
         middle = (places.min(axis=0) + places.max(axis=0)) / 2
         far = MARGIN * max(float(np.linalg.norm(places - middle, axis=1).max()), 1e-3)
         half = np.deg2rad(model.vis.global_.fovy) / 2
         self.camera = mujoco.MjvCamera()
         self.camera.lookat[:] = middle
         self.camera.distance = distance = far / np.sin(half)
-        self.camera.azimuth, self.camera.elevation = shot.azimuth, shot.elevation
-        a, e = np.deg2rad([shot.azimuth, shot.elevation])
+        self.camera.azimuth, self.camera.elevation = SHOT.azimuth, SHOT.elevation
+        a, e = np.deg2rad([SHOT.azimuth, SHOT.elevation])
         self._ahead = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
         self._right = np.array([np.sin(a), -np.cos(a), 0.0])
         self._up = np.cross(self._right, self._ahead)
         self._eye = middle - distance * self._ahead
-        self._size, self._focus = np.array(shot.size), shot.size[1] / 2 / np.tan(half)
+        self._size, self._focus = np.array(SHOT.size), SHOT.size[1] / 2 / np.tan(half)
 
     def at(self, place: Floats) -> Floats:
         """Where a place (3,) is in the picture (2,) [pixels]."""

@@ -121,9 +121,9 @@ class ResidualNetwork(nn.Module):
         longer = hidden.new_zeros(batch, len(layout.stiffness))
         found = []
         for k in range(ahead.place.shape[1]):
-            off = _off(layout, shown.turn[:, k], structure, k, error, velocity, longer)
-            hidden, said = self._update(hidden, drives, k, off)
             turn = shown.turn[:, k]
+            off = _off(turn, structure, k, error, velocity, longer)
+            hidden, said = self._update(hidden, drives, k, off)
             rest, rate, tension = said.unbind(-1)
             if k == 0:
                 both = self.present(hidden).view(batch, layout.bodies, 2, 2, 3)
@@ -217,7 +217,6 @@ class Off:
 
 
 def _off(
-    layout: Layout,
     turn: Tensor,
     structure: Structure,
     k: int,

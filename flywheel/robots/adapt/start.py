@@ -101,12 +101,11 @@ def start(draft: Draft) -> Iterator[Change]:
     yield Change(tuple(edits), reason, Certainty.GUESS)
 
 
-def with_key(xml: str, name: str, qpos: Floats, act: Floats) -> str:
-    """An MJCF with another first keyframe, at rest at a pose and with rest lengths, all digits kept.
+def with_key(xml: str, qpos: Floats, act: Floats) -> str:
+    """An MJCF with another first keyframe, "settled", at rest with a pose and rest lengths, all digits kept.
 
     Args:
       xml: of a robot.
-      name: of the keyframe.
       qpos: (nq,) its pose.
       act: (na,) its rest lengths [m].
     """
@@ -118,7 +117,7 @@ def with_key(xml: str, name: str, qpos: Floats, act: Floats) -> str:
         if kind_of(model, actuator) in ("position", "tension"):
             ctrl[actuator] = act[model.actuator_actadr[actuator]]
     key.attrib.pop("qvel", None)
-    key.attrib |= {"name": name, "qpos": digits(*qpos)}
+    key.attrib |= {"name": "settled", "qpos": digits(*qpos)}
     key.attrib |= {k: digits(*v) for k, v in (("act", act), ("ctrl", ctrl)) if len(v)}
     return ElementTree.tostring(root, encoding="unicode")
 

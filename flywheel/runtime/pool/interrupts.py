@@ -15,7 +15,6 @@ from typing import Self
 
 from flywheel.errors import FlywheelError
 
-EXIT_CODE = 130
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 ONE_WISH = (
     0.2  # within which signals are one wish: `timeout` sends it to a process and to its group [s]

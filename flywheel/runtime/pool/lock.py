@@ -13,8 +13,6 @@ from pathlib import Path
 
 from flywheel.errors import ConfigError
 
-LOCK_FILE = "run.lock"
-
 
 @contextmanager
 def hold(path: Path, what: str, wait_seconds: float = 0.0) -> Iterator[None]:

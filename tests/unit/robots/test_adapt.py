@@ -445,6 +445,6 @@ def test_the_proof_tells_robots_apart_and_none_from_itself(tmp_path):
 def test_a_keyframe_at_rest_keeps_all_digits_and_the_commands_of_position_winches(tmp_path):
     text = adapted(lab_files.platform_with_drums, tmp_path).xml
     qpos, act = np.array([0.1, 0, 1 / 3, 1, 0, 0, 0]), np.full(4, 1.6 + 1 / 3e5)
-    model = model_of(with_key(text, "settled", qpos, act))
+    model = model_of(with_key(text, qpos, act))
     assert (model.key_qpos[0] == qpos).all()
     assert (model.key_act[0] == act).all() and (model.key_ctrl[0] == act).all()

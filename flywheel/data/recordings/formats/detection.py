@@ -59,10 +59,13 @@ def _plain(begin: bytes) -> bytes:
     return begin.removeprefix(b"\xef\xbb\xbf").lstrip()
 
 
-def _is_archive_of(begin: bytes, pattern: bytes) -> bool:
-    """True for a ZIP whose first file has such a name."""
+def _is_npz(begin: bytes) -> bool:
+    """True for a ZIP whose first file is an array of NumPy."""
     length = int.from_bytes(begin[26:28], "little")
-    return begin.startswith(ZIP) and re.fullmatch(pattern, begin[30 : 30 + length]) is not None
+    return (
+        begin.startswith(ZIP)
+        and re.fullmatch(rb"[^/\\]*\.npy", begin[30 : 30 + length]) is not None
+    )
 
 
 def _starts(*magic: bytes) -> Callable[[bytes], bool]:
@@ -77,7 +80,7 @@ FORMATS = {
     "c3d": Format("C3D", "c3d", lambda begin: begin[1:2] == b"\x50" and b"\0" in begin[:512], True),
     "mat73": Format("MAT 7.3", "hdf5", _starts(b"MATLAB 7.3 MAT-file"), True),
     "mat": Format("MAT", "mat", _starts(b"MATLAB 5.0 MAT-file"), True),
-    "npz": Format("NPZ", "npz", lambda b: b.startswith(b"\x93NUMPY") or _is_archive_of(b, rb"[^/\\]*\.npy")),
+    "npz": Format("NPZ", "npz", lambda b: b.startswith(b"\x93NUMPY") or _is_npz(b)),
     "hdf5": Format("HDF5", "hdf5", lambda b: any(b[n : n + 8] == HDF5 for n in USER_BLOCKS), True),
     "parquet": Format("Parquet", "parquet", _starts(b"PAR1")),
     "bag": Format("ROS bag", "bags", _starts(b"#ROSBAG V2.0")),
@@ -111,7 +114,7 @@ REFUSED: tuple[tuple[Callable[[bytes], bool], str], ...] = (
     ),
     (lambda b: b.startswith(b"\x1f\x8b"), "is compressed (gzip). Unpack it."),
     (
-        lambda b: b.startswith(ZIP) and not _is_archive_of(b, rb"[^/\\]*\.npy"),
+        lambda b: b.startswith(ZIP) and not _is_npz(b),
         "is a ZIP archive or a spreadsheet. Unpack it, or save it as CSV.",
     ),
     (
