@@ -34,7 +34,8 @@ from flywheel.dynamics.protocol import Dynamics
 from flywheel.evaluation import ErrorTable, score
 from flywheel.records import Episode, Floats
 from flywheel.robots import load_robot
-from flywheel.runtime.config.run_config import DataSet, RunConfig, load_config
+from flywheel.runtime.config.parts import DataSet
+from flywheel.runtime.config.run_config import RunConfig, load_config
 from flywheel.runtime.loop import run
 from flywheel.runtime.pool.progress import console_progress
 from flywheel.runtime.run.folder import name_of

@@ -15,7 +15,8 @@ from flywheel.reports import write_report
 from flywheel.results import RESULT_FILE, ErrorNumbers, IterationResult, RobotResult, RunResult
 from flywheel.robots import Robot
 from flywheel.run_identity import Identity
-from flywheel.runtime.config.run_config import RunConfig, WorkersConfig, continued
+from flywheel.runtime.config.parts import WorkersConfig
+from flywheel.runtime.config.run_config import RunConfig, continued
 from flywheel.runtime.pool.interrupts import Interrupted, StopRequest
 from flywheel.runtime.pool.jobs import Group
 from flywheel.runtime.pool.lock import hold

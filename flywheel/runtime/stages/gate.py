@@ -8,7 +8,7 @@ import numpy as np
 
 from flywheel.evaluation import Interval, rmse_ratio_interval
 from flywheel.results import Errors, GateDecision, Navigation
-from flywheel.runtime.config.run_config import GateConfig
+from flywheel.runtime.config.parts import GateConfig
 
 RESAMPLING_SEED = 0
 

@@ -12,7 +12,8 @@ from flywheel.effects import WrittenTerm
 from flywheel.errors import DataError
 from flywheel.records import Floats, Past, Rollout
 from flywheel.robots import Box, TerrainConfig, load_course, load_robot
-from flywheel.runtime.config.run_config import CollectConfig, DataSet, EvaluateConfig, RunConfig
+from flywheel.runtime.config.parts import CollectConfig, DataSet, EvaluateConfig
+from flywheel.runtime.config.run_config import RunConfig
 from flywheel.runtime.workers.episode_plan import EpisodePlan, collection, unseen, unseen_ceiling
 from flywheel.runtime.workers.episode_recorder import EpisodeRecorder
 from flywheel.runtime.workers.stored_episodes import EpisodeWinches

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flywheel.results import ErrorNumbers, Errors, Navigation, Walk
-from flywheel.runtime.config.run_config import GateConfig
+from flywheel.runtime.config.parts import GateConfig
 from flywheel.runtime.stages.gate import decide_champion
 from tests import draws
 

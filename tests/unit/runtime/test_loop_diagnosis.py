@@ -15,7 +15,8 @@ from flywheel.effects import WrittenTerm
 from flywheel.options import ImportOptions
 from flywheel.results import DiagnosisNote
 from flywheel.robots import load_robot
-from flywheel.runtime.config.run_config import DiagnoseConfig, RunConfig
+from flywheel.runtime.config.parts import DiagnoseConfig
+from flywheel.runtime.config.run_config import RunConfig
 from flywheel.runtime.pool.jobs import PoolReport
 from flywheel.runtime.stages.outcomes import Tally
 from flywheel.runtime.workers import sim_worker

@@ -5,7 +5,8 @@ from collections import Counter
 import pytest
 
 from flywheel.errors import ConfigError
-from flywheel.runtime.config.run_config import CollectConfig, DataSet, EvaluateConfig, RunConfig
+from flywheel.runtime.config.parts import CollectConfig, DataSet, EvaluateConfig
+from flywheel.runtime.config.run_config import RunConfig
 from flywheel.runtime.workers.episode_plan import (
     ceiling,
     collection,
