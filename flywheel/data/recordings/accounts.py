@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flywheel.data.recordings.cables import Evidence, lengths_between, stretch, told_positions
+from flywheel.data.recordings.evidence import Evidence, lengths_between, stretch, told_positions
 from flywheel.data.recordings.report import Finding
 from flywheel.data.recordings.tables.columns import Log, control_names, winch_names
 from flywheel.records import Floats

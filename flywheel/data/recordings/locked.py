@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from flywheel.data.recordings.cables import PULLED, ROWS, lengths_between, stretch
+from flywheel.data.recordings.evidence import PULLED, ROWS, lengths_between, stretch
 from flywheel.data.recordings.mapping import RecordingMap
 from flywheel.data.recordings.report import Finding, listed
 from flywheel.data.recordings.tables.columns import Log

@@ -8,7 +8,8 @@ from itertools import compress
 import numpy as np
 from numpy.typing import NDArray
 
-from flywheel.data.recordings.cables import Evidence, better_names
+from flywheel.data.recordings.cables import better_names
+from flywheel.data.recordings.evidence import Evidence
 from flywheel.data.recordings.geometry import pairs, usual_distances
 from flywheel.data.recordings.repair.markers import Tracked
 from flywheel.errors import DataError

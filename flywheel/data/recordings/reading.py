@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from flywheel import __version__
 from flywheel.data.recordings.accounts import check_accounts
-from flywheel.data.recordings.cables import Evidence, check_channels, check_frame
+from flywheel.data.recordings.cables import check_channels, check_frame
 from flywheel.data.recordings.clock import stretches, usual_period, without_duplicates
+from flywheel.data.recordings.evidence import Evidence
 from flywheel.data.recordings.formats import TABLE, format_of
 from flywheel.data.recordings.geometry import (
     check_commands,

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flywheel.data.recordings.cables import lengths_between
+from flywheel.data.recordings.evidence import lengths_between
 from flywheel.data.recordings.joining.series import Clock
 from flywheel.errors import DataError
 from flywheel.records import Floats
