@@ -43,9 +43,8 @@ ALARMS = {
     "clock",
 }  # kinds of findings that a clean log has not
 SAME = 1e-9  # [m]
-FLAT = (
-    0.03  # height of another frame that is not told apart from the ground, in lengths of the robot
-)
+# Height of another frame that is not told apart from the ground, in lengths of the robot.
+FLAT = 0.03
 
 BEAM = """
     <body name="beam{0}" pos="0 {1} 1">

@@ -48,9 +48,8 @@ TRAINED, OTHERS = "of the training", "others around it"
 DRAWN, OTHER_DRAWN = 0, 1  # seeds of the plants of the training, and of the others
 PLANTS = 8
 EPISODES, SECONDS, STARTS, HORIZON = 12, 15.0, 10, 2.0
-FIRST_SEED = (
-    10_000_000  # of the episodes that are measured; no run derives them but by chance in 2^32
-)
+# Of the episodes that are measured; no run derives them but by chance in 2^32.
+FIRST_SEED = 10_000_000
 # How far plants around the MJCF lie from it, at most: a factor, or one over it.
 SPREAD = {
     "friction": 1.5,

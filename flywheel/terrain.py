@@ -18,9 +18,8 @@ from flywheel.validation import Frozen
 Numbers = TypeVar("Numbers", bound=Any)  # arrays or tensors
 Part = Annotated[float, Bounds(-1, 1)]  # of a unit quaternion
 BRINK = 0.05  # of the plane around a terrain below its lowest place [m]
-ROUNDING = (
-    1e-3  # by how much a quaternion's length may differ from 1: numbers in a file have few digits
-)
+# By how much a quaternion's length may differ from 1: numbers in a file have few digits.
+ROUNDING = 1e-3
 UPRIGHT = 1e-9  # by how much the upward part of an upright box's axis may fall short of 1
 NUMBERS = 10  # of a box: centre, half size, quaternion
 

@@ -31,9 +31,8 @@ from flywheel.tasks import Task
 VALID = 0.1  # how long a command stays valid if no other follows [s]: then the driver is taken to be lost
 LEAST_PERIODS = 5  # the same in control periods
 BLIND = 5.0  # longest time without a measured point; then the robot is taken to be lost [s]
-OTHER_SIZE = (
-    2.0  # times the distances of points on a body by the MJCF, which no noise makes of them
-)
+# Times the distances of points on a body by the MJCF, which no noise makes of them.
+OTHER_SIZE = 2.0
 Ending = Literal["goal", "time", "lost", "failed", "stopped"]
 TaskOf = Callable[[Floats], Task | None]
 OnStep = Callable[[int, Sample], None]

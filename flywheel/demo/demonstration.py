@@ -52,9 +52,8 @@ SCRIPTS: tuple[tuple[str, Split], ...] = (
 PLACES = ("end cap", "cable")  # criteria of a comparison that are named in a sentence
 HELD_OUT: Split = "test"
 SEEDS = 2**31  # of single recordings
-COMMANDS = (
-    1  # beside a recording's seed: its commands have a stream of their own, apart from the noise
-)
+# Beside a recording's seed: its commands have a stream of their own, apart from the noise.
+COMMANDS = 1
 
 
 class DemoConfig(Frozen):

@@ -18,9 +18,8 @@ from flywheel.smoothing import savitzky_golay
 
 SHOT = Shot(size=(640, 368), distance=1.5)
 MAGNIFIED = (1, 2, 5)  # times that a difference may be drawn as large as it is
-SMOOTHED = (
-    0.2  # length of the parabolas that take noise out; longer ones round impacts off [sqrt(L / g)]
-)
+# Length of the parabolas that take noise out; longer ones round impacts off [sqrt(L / g)].
+SMOOTHED = 0.2
 FARTHEST = 0.25  # that a point may then seem to be off, as a share of the robot's length
 
 

@@ -20,9 +20,8 @@ from flywheel.robot_link.wire import (
 )
 
 CONNECTING = 10.0  # longest time that a robot may take to be there [s]
-RESETTING = (
-    300.0  # the same to stand where an episode begins; people may have to carry it there [s]
-)
+# The same to stand where an episode begins; people may have to carry it there [s].
+RESETTING = 300.0
 
 
 class TcpLink(MessageLink):

@@ -38,9 +38,8 @@ from flywheel.robots.problems import Problems, called
 from flywheel.robots.robot import Robot
 from flywheel.robots.winches import read_winches
 
-SHORTEST = (
-    1e-3  # of a robot's length [m]: below, contacts and cables of MuJoCo are of the same size
-)
+# Of a robot's length [m]: below, contacts and cables of MuJoCo are of the same size.
+SHORTEST = 1e-3
 MOST_CONTACTS = 5000  # at the keyframe: MuJoCo takes a second for a step with 60,000
 UPRIGHT = 1e-3  # of gravity that may be sideways: what a measured vector has for its numbers
 SHOWN = 6  # of the joints that a message names

@@ -23,9 +23,8 @@ DEEPEST = 400  # elements within elements; MuJoCo's own end is at 500
 LONGEST_NAME = 100  # characters: columns of recordings, files and rows of tables are named after it
 MOST_FREEDOMS = 3000  # of all joints, as of 500 free bodies: MuJoCo's memory grows with the square
 MOST_NUMBERS = 100_000  # that all sensors give, that actuators remember, or that are set aside
-MOST_OF_EACH = (
-    1000  # keyframes, or numbers beside each element: both are multiplied by the elements
-)
+# Keyframes, or numbers beside each element: both are multiplied by the elements.
+MOST_OF_EACH = 1000
 MOST_PIXELS = 200 * MB  # of all textures [bytes]; one of 4096 x 4096 has 50 MB
 MOST_MEMORY = 2000 * MB  # that is asked for by number [bytes]
 FREEDOMS = {

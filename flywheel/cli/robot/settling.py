@@ -9,9 +9,8 @@ if TYPE_CHECKING:
     from flywheel.dynamics.plant import Settling
     from flywheel.robots import Robot
 
-SMALL = (
-    3.0  # times as long as a robot is the space between its fixed cable ends, where that is named
-)
+# Times as long as a robot is the space between its fixed cable ends, where that is named.
+SMALL = 3.0
 DT = 0.01  # between commands, unless it is given: what all commands take [s]
 
 

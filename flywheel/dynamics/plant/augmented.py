@@ -30,9 +30,8 @@ from flywheel.robots import Robot, add_plain
 from flywheel.robots.mujoco_warnings import collected_warnings
 from flywheel.smoothing import interpolated
 
-TOGETHER = (
-    48  # simulations per thread that are stepped together: more do not fit into a core's cache
-)
+# Simulations per thread that are stepped together: more do not fit into a core's cache.
+TOGETHER = 48
 WORTH_A_THREAD = 3  # fewest simulations per thread: with fewer, threads wait for each other
 FEW = 6  # simulations whose batch is of their size
 EDITED = 256  # compiled models with effects kept in the cache

@@ -22,9 +22,8 @@ from flywheel.records import ChannelKind, Floats, MeasuredChannel, Trajectory
 from flywheel.robots import Attachment, Robot
 
 SURE = 5.0  # standard deviations of its noise above which a tension is one
-AT_LIMIT = (
-    0.98  # share of the strongest pull of a winch from which it may pull less than its cable's law
-)
+# Share of the strongest pull of a winch from which it may pull less than its cable's law.
+AT_LIMIT = 0.98
 RATE_OVER = 0.05  # time over which a cable's speed is taken, until the instant [s]
 PASSES = 2  # the roll of rods by reckoned winches, and by those that follow from it
 TOGETHER = 10_000  # poses that are relaxed at once

@@ -16,9 +16,8 @@ from typing import Self
 from flywheel.errors import FlywheelError
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-ONE_WISH = (
-    0.2  # within which signals are one wish: `timeout` sends it to a process and to its group [s]
-)
+# Within which signals are one wish: `timeout` sends it to a process and to its group [s].
+ONE_WISH = 0.2
 
 
 class Interrupted(FlywheelError):

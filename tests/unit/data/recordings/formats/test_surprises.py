@@ -13,9 +13,8 @@ from pyarrow import parquet
 from flywheel.data.recordings.formats import Stream, open_log
 from flywheel.errors import DataError
 
-NOW = (
-    1_760_000_000_000_000_000  # [ns] since 1970, beyond the whole numbers that a float64 can count
-)
+# [ns] since 1970, beyond the whole numbers that a float64 can count.
+NOW = 1_760_000_000_000_000_000
 STEP = 10_000_000  # [ns]
 
 
