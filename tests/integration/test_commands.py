@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import Stranger
+from tests.damage import flip
 
 pytestmark = [pytest.mark.ray, pytest.mark.slow, pytest.mark.usefixtures("first_run")]
 CONFIG, RUN = "configs/smoke_robot.yaml", "runs/smoke_robot"
@@ -65,9 +66,7 @@ def test_a_flipped_bit_is_found_and_the_episode_named(stranger: Stranger, tmp_pa
     copy = tmp_path / "store"
     shutil.copytree(stranger.folder / RUN / "store", copy)
     victim = sorted(copy.glob("segments/*/*.zarr/controls/c.0.0"))[0]
-    content = bytearray(victim.read_bytes())
-    content[len(content) // 2] ^= 1
-    victim.write_bytes(content)
+    flip(victim)
     printed, _ = stranger.ask(f"flywheel data verify {copy}", code=1)
     assert victim.relative_to(copy).parts[1] in printed
 

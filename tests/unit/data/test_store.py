@@ -16,6 +16,7 @@ from flywheel.data.zarr_files import decode
 from flywheel.errors import DataError, RunError
 from flywheel.records import Episode, Observation, Trajectory
 from tests import draws
+from tests.damage import flip
 
 
 def same(one: Episode, other: Episode) -> bool:
@@ -37,12 +38,6 @@ def same(one: Episode, other: Episode) -> bool:
 
 def array_file(root: Path, segment: str, array: str = "points") -> Path:
     return next((root / "segments" / segment).glob(f"*.zarr/{array}/c.*"))
-
-
-def flip(path: Path, place: int) -> None:
-    content = bytearray(path.read_bytes())
-    content[place % len(content)] ^= 1 << (place % 8)
-    path.write_bytes(content)
 
 
 @pytest.mark.parametrize("recording", [False, True])

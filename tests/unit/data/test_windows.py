@@ -15,6 +15,7 @@ from flywheel.errors import DataError, RunError
 from flywheel.records import Split
 from flywheel.robots import load_robot
 from tests import draws
+from tests.damage import flip
 
 
 def filled(folder, make_episode, lengths, **kwargs):
@@ -144,13 +145,12 @@ def test_a_damaged_cache_is_made_again(tmp_path, make_episode, prism3, how):
     sound = WindowCache.build(SplitSource(store, snapshot, "train", prism3), tmp_path / "cache")
     expected = sound.gather(sound.starts(5), 5)
     path = next((tmp_path / "cache").glob("*/controls.npy"))
-    content = bytearray(path.read_bytes())
-    path.unlink()
     if how == "flipped":
-        content[len(content) // 2] ^= 1
-        path.write_bytes(content)
+        flip(path)
     elif how == "truncated":
-        path.write_bytes(content[:-8])
+        path.write_bytes(path.read_bytes()[:-8])
+    else:
+        path.unlink()
     again = WindowCache.build(SplitSource(store, snapshot, "train", prism3), tmp_path / "cache")
     np.testing.assert_array_equal(again.gather(sound.starts(5), 5).controls, expected.controls)
     assert [len(list((tmp_path / "cache").glob(g))) for g in ("*-train*", "tmp/*")] == [1, 0]

@@ -26,6 +26,7 @@ from flywheel.dynamics.gnn.weights import (
     weights_arrays,
 )
 from flywheel.errors import ModelError
+from tests.damage import flip
 
 CONFIG = NetworkConfig.lean(width=8, rounds=1)
 
@@ -84,7 +85,7 @@ def test_a_flipped_byte_anywhere_is_found(robots, saved, seed):
     with np.load(path) as file:
         array = file["node_decoder.linears.0.weight"].tobytes()
     place = whole.index(array) + int(rng.integers(len(array)))
-    path.write_bytes(whole[:place] + bytes([whole[place] ^ 1]) + whole[place + 1 :])
+    flip(path, place)
     with pytest.raises(ModelError, match="damaged"):
         load_weights(path, robots["prism3"])
     path.write_bytes(whole[: len(whole) // 2])

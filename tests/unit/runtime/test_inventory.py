@@ -18,6 +18,7 @@ from flywheel.runtime.run.folder import RunFolder
 from flywheel.runtime.run.inventory import Fault, Inventory, check_sound
 from flywheel.runtime.run.rewinding import rewind
 from flywheel.seals import Unsound
+from tests.damage import flip
 from tests.unit.runtime.tiny_run import TINY, Bench
 
 pytestmark = pytest.mark.slow
@@ -100,12 +101,6 @@ def remove(path: Path) -> None:
         shutil.rmtree(path)
     else:
         path.unlink(missing_ok=True)
-
-
-def flip(path: Path) -> None:
-    content = bytearray(path.read_bytes())
-    content[len(content) // 2] ^= 1
-    path.write_bytes(content)
 
 
 def instead(make: Callable[[Path], object]) -> Callable[[Path], None]:

@@ -17,6 +17,7 @@ from flywheel.runtime.loop import run
 from flywheel.runtime.workers.episode_recorder import EpisodeRecorder
 from flywheel.runtime.workers.sim_worker import Baseline, SimWorker
 from flywheel.runtime.workers.trainer_worker import TrainerWorker
+from tests.damage import flip
 from tests.unit.runtime.tiny_run import TINY, Bench
 
 pytestmark = pytest.mark.slow
@@ -162,6 +163,12 @@ def test_a_first_training_that_diverges_ends_the_run(bench, monkeypatch):
         bench.turn()
 
 
+def damage(bench, name: str, part: str) -> None:
+    """Flip a bit of the largest file of an episode's segment whose path has such a part."""
+    files = [p for p in bench.files.path.rglob("*") if name in str(p) and part in str(p)]
+    flip(max((p for p in files if p.is_file()), key=lambda p: p.stat().st_size))
+
+
 @pytest.mark.parametrize("part", [pytest.param(".zarr", marks=pytest.mark.nightly), "receipt.json"])
 def test_a_damaged_episode_that_nothing_builds_on_is_set_aside_and_recorded_again(
     bench, monkeypatch, part
@@ -171,11 +178,7 @@ def test_a_damaged_episode_that_nothing_builds_on_is_set_aside_and_recorded_agai
         with pytest.raises(RunError):
             bench.turn()
     name = "i0000-random-0001"
-    files = [p for p in bench.files.path.rglob("*") if name in str(p) and part in str(p)]
-    victim = max((p for p in files if p.is_file()), key=lambda p: p.stat().st_size)
-    content = bytearray(victim.read_bytes())
-    content[len(content) // 2] ^= 1
-    victim.write_bytes(content)
+    damage(bench, name, part)
     assert bench.turn(resume=True).finished
     assert [q for q in bench.store.quarantined() if q.startswith(name)]
     assert not bench.store.verify()
@@ -187,11 +190,7 @@ def test_a_damaged_episode_that_is_sealed_stops_the_run_and_is_named(bench, monk
         with pytest.raises(RunError):
             bench.turn()
     name = "i0000-random-0000"
-    files = [p for p in bench.files.path.rglob("*") if name in str(p) and ".zarr" in str(p)]
-    victim = max((p for p in files if p.is_file()), key=lambda p: p.stat().st_size)
-    content = bytearray(victim.read_bytes())
-    content[len(content) // 2] ^= 1
-    victim.write_bytes(content)
+    damage(bench, name, ".zarr")
     with pytest.raises(DataError, match=name):
         bench.turn(resume=True)
 

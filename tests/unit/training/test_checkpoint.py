@@ -8,6 +8,7 @@ import torch
 from flywheel.errors import ConfigError, DataError
 from flywheel.faults import fault_of
 from flywheel.training.checkpoint import CHECKPOINT, Checkpoint, read_checkpoint, write_checkpoint
+from tests.damage import flip
 from tests.full_disk import files_end_at
 
 
@@ -88,7 +89,7 @@ def test_a_bit_that_flips_in_a_checkpoint_is_found(tmp_path, part):
         content = archive.read(name)
     whole = path.read_bytes()
     place = whole.index(content) + len(content) // 2
-    path.write_bytes(whole[:place] + bytes([whole[place] ^ 1]) + whole[place + 1 :])
+    flip(path, place)
     with pytest.raises(DataError, match="damaged"):
         read_checkpoint(tmp_path, "a" * 64)
 

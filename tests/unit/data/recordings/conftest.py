@@ -43,6 +43,15 @@ class Sheet:
         for row, value in zip(self.rows, values, strict=True):
             row[index] = "" if np.isnan(value) else repr(float(value))
 
+    def positions(self, marker: str) -> np.ndarray:
+        """(N, 3) of a marker."""
+        return np.stack([self.column(f"{marker}.{axis}") for axis in "xyz"], axis=1)
+
+    def move(self, marker: str, to: np.ndarray) -> None:
+        """Put a marker at positions (N, 3)."""
+        for axis, values in zip("xyz", to.T, strict=True):
+            self.put(f"{marker}.{axis}", values)
+
     def cells(self, prefix: str) -> list[str]:
         """Columns whose names begin so."""
         return [name for name in self.header if name.startswith(prefix)]

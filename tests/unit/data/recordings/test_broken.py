@@ -115,12 +115,11 @@ def no_time(sheet: Sheet) -> None:
 
 def other_rods(sheet: Sheet) -> None:
     """A robot of the same build, with rods of 2.4 m."""
-    for axis in "xyz":
-        for a, b in (("s0", "s1"), ("s2", "s3"), ("s4", "s5")):
-            one, two = sheet.column(f"{a}.{axis}"), sheet.column(f"{b}.{axis}")
-            middle, half = (one + two) / 2, (one - two) / 2 * 2.4 / 2.95
-            sheet.put(f"{a}.{axis}", middle + half)
-            sheet.put(f"{b}.{axis}", middle - half)
+    for a, b in (("s0", "s1"), ("s2", "s3"), ("s4", "s5")):
+        one, two = sheet.positions(a), sheet.positions(b)
+        middle, half = (one + two) / 2, (one - two) / 2 * 2.4 / 2.95
+        sheet.move(a, middle + half)
+        sheet.move(b, middle - half)
 
 
 def exchanged_from_the_start(sheet: Sheet) -> None:
@@ -129,18 +128,15 @@ def exchanged_from_the_start(sheet: Sheet) -> None:
 
 def y_up(sheet: Sheet) -> None:
     for point in sheet.robot.points:
-        y, z = sheet.column(f"{point.name}.y"), sheet.column(f"{point.name}.z")
-        sheet.put(f"{point.name}.y", z)
-        sheet.put(f"{point.name}.z", -y)
+        sheet.move(point.name, sheet.positions(point.name)[:, [0, 2, 1]] * [1, 1, -1])
 
 
 def exchange(sheet: Sheet, one: str, two: str, begin: int, end: int | None = None) -> None:
-    for axis in "xyz":
-        a, b = sheet.column(f"{one}.{axis}"), sheet.column(f"{two}.{axis}")
-        rows = slice(begin, end)
-        a[rows], b[rows] = b[rows].copy(), a[rows].copy()
-        sheet.put(f"{one}.{axis}", a)
-        sheet.put(f"{two}.{axis}", b)
+    a, b = sheet.positions(one), sheet.positions(two)
+    rows = slice(begin, end)
+    a[rows], b[rows] = b[rows].copy(), a[rows].copy()
+    sheet.move(one, a)
+    sheet.move(two, b)
 
 
 REFUSED = [
@@ -342,9 +338,8 @@ def test_a_marker_that_leaps_is_masked_while_it_is_away(sheet: Callable[..., She
 def test_a_marker_that_slips_along_its_rod_is_masked_with_its_partner(sheet):
     log = sheet()
     share = np.linspace(-0.3, 0.15, 201).clip(0)  # slowly, so that it never leaps
-    for axis in "xyz":
-        one, two = log.column(f"s2.{axis}"), log.column(f"s3.{axis}")
-        log.put(f"s2.{axis}", one + share * (two - one))
+    one, two = log.positions("s2"), log.positions("s3")
+    log.move("s2", one + share[:, None] * (two - one))
     read = read_recording(log.save(), log.robot)
     kinds = {(f.kind, f.subject, f.action) for f in read.report.findings}
     assert kinds == {("rod length", "s2", "masked"), ("rod length", "s3", "masked")}, SEED

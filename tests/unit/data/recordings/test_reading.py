@@ -158,9 +158,7 @@ def test_a_map_takes_foreign_names_units_and_axes(sheet: Callable[..., Sheet]) -
     log = sheet("platform4")
     made, robot = log.made, log.robot
     for point in robot.points:  # y up and in cm, the others in mm
-        x, y, z = (1000 * log.column(f"{point.name}.{axis}") for axis in "xyz")
-        for axis, values in zip("xyz", (x, z / 10, -y), strict=True):
-            log.put(f"{point.name}.{axis}", values)
+        log.move(point.name, log.positions(point.name)[:, [0, 2, 1]] * [1000, 100, -1000])
     log.put("time", 1000 * log.column("time"))
     for name in log.cells("position_"):
         log.put(name, 1000 * log.column(name))

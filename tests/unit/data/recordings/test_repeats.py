@@ -7,18 +7,9 @@ from flywheel.data.recordings import read_recording
 from flywheel.data.recordings.repair.repeats import mask_repeats
 from flywheel.data.recordings.tables.columns import Log
 from flywheel.robots import Robot, load_robot
-from tests.unit.data.recordings.conftest import SEED, Sheet
+from tests.unit.data.recordings.conftest import SEED
 
 ROWS = 1500
-
-
-def positions(sheet: Sheet, name: str) -> np.ndarray:
-    return np.stack([sheet.column(f"{name}.{axis}") for axis in "xyz"], axis=1)
-
-
-def move(sheet: Sheet, name: str, to: np.ndarray) -> None:
-    for axis, values in zip("xyz", to.T, strict=True):
-        sheet.put(f"{name}.{axis}", values)
 
 
 def at_times(points: np.ndarray, robot: Robot) -> Log:
@@ -47,9 +38,9 @@ def test_a_time_in_which_markers_are_frozen_is_masked_and_told(frozen, place, sh
     begin = {"begin": 0, "middle": int(log.rng.integers(10, 120)), "end": 160}[place]
     end = min(begin + 60, len(log.rows))
     for name in frozen:
-        values = positions(log, name)
+        values = log.positions(name)
         values[begin:end] = values[begin]
-        move(log, name, values)
+        log.move(name, values)
     read = read_recording(log.save(), log.robot)
     told = {(f.kind, f.subject): f for f in read.report.findings if f.kind == "repeat"}
     assert sorted(told) == [("repeat", name) for name in frozen], SEED
@@ -65,7 +56,7 @@ def test_a_slower_tracker_that_is_held_gives_its_own_samples_only(every, rate, s
     log = sheet()
     held = every * (np.arange(len(log.rows)) // every)
     for point in log.robot.points:
-        move(log, point.name, positions(log, point.name)[held])
+        log.move(point.name, log.positions(point.name)[held])
     read = read_recording(log.save(), log.robot)
     valid = read.episodes[0].trajectory.observations.valid
     expected = np.arange(len(log.rows)) % every == 0

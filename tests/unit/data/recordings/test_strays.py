@@ -4,25 +4,16 @@ import numpy as np
 
 from flywheel.data.recordings import read_recording
 from flywheel.data.recordings.repair.strays import islands, spikes
-from tests.unit.data.recordings.conftest import SEED, Sheet
-
-
-def positions(sheet: Sheet, name: str) -> np.ndarray:
-    return np.stack([sheet.column(f"{name}.{axis}") for axis in "xyz"], axis=1)
-
-
-def move(sheet: Sheet, name: str, to: np.ndarray) -> None:
-    for axis, values in zip("xyz", to.T, strict=True):
-        sheet.put(f"{name}.{axis}", values)
+from tests.unit.data.recordings.conftest import SEED
 
 
 def test_a_sample_beside_its_path_is_masked_though_no_rod_is_longer_for_it(sheet):
     log = sheet()
     row = int(log.rng.integers(5, 195))
-    points, rod = positions(log, "s2"), positions(log, "s2") - positions(log, "s3")
+    points, rod = log.positions("s2"), log.positions("s2") - log.positions("s3")
     aside = np.cross(rod[row], log.rng.standard_normal(3))
     points[row] += log.rng.uniform(0.17, 0.22) * aside / np.linalg.norm(aside)
-    move(log, "s2", points)
+    log.move("s2", points)
     (found,) = read_recording(log.save(), log.robot).report.findings
     assert (found.kind, found.subject, found.count) == ("leap", "s2", 1), SEED
     np.testing.assert_allclose(found.spans, [[log.made.time[row]] * 2], err_msg=str(SEED))
@@ -30,12 +21,12 @@ def test_a_sample_beside_its_path_is_masked_though_no_rod_is_longer_for_it(sheet
 
 def test_a_marker_that_stays_in_a_wrong_place_is_never_taken_for_right(sheet):
     log = sheet()
-    begin, points = int(log.rng.integers(10, 140)), positions(log, "s2")
+    begin, points = int(log.rng.integers(10, 140)), log.positions("s2")
     away = log.rng.standard_normal(3)
     points[begin : begin + 45] = points[begin] + log.rng.uniform(0.6, 1.5) * away / np.sqrt(
         away @ away
     )
-    move(log, "s2", points)
+    log.move("s2", points)
     kept = read_recording(log.save(), log.robot).episodes[0].trajectory.observations
     assert not kept.valid[begin : begin + 45, 2].any(), SEED
     right = kept.valid[:, 2]
