@@ -19,7 +19,8 @@ from flywheel.quantities import Bounds, EpisodeSeconds, Name, Seed
 from flywheel.registry import lookup
 from flywheel.robot_link import StandInConfig
 from flywheel.runtime.config.loading import merged, read_config
-from flywheel.runtime.config.run_config import RunConfig, SegmentName
+from flywheel.runtime.config.parts import SegmentName
+from flywheel.runtime.config.run_config import RunConfig
 from flywheel.runtime.workers.episode_recorder import RECORDING
 from flywheel.training.baselines import FitSettings
 from flywheel.validation import Frozen, validated
