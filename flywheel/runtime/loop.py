@@ -29,7 +29,7 @@ from flywheel.runtime.run.inventory import check_sound
 from flywheel.runtime.run.provenance import end_rests_on, keep, result_so_far
 from flywheel.runtime.run.suitability import check_new, check_reached
 from flywheel.runtime.stages import (
-    Tally,
+    Iteration,
     collect,
     decide,
     diagnose,
@@ -223,32 +223,35 @@ def cores_of(workers: WorkersConfig, address: str | None) -> int:
     return cores
 
 
-def run_iteration(run: Run, iteration: int) -> list[str]:
+def run_iteration(run: Run, number: int) -> list[str]:
     """Do one iteration in every arm that has not completed it.
 
     Returns:
       Sentences about problems in the iteration.
     """
-    arms = [arm for arm in run.arms(iteration) if run.folder.finished(iteration, arm) is None]
+    arms = [arm for arm in run.arms(number) if run.folder.finished(number, arm) is None]
     if not arms:
         return []
-    tally = Tally()
-    if run.config.diagnose.on and iteration:
-        with tally.timed("diagnose"):
-            diagnose(run, iteration, tally)
-    with tally.timed("collect"):
-        collected = collect(run, iteration, arms, tally)
-    with tally.timed("snapshot"):
+    latest = {arm: run.latest(arm) for arm in arms}
+    models = {arm: run.model_of(each) for arm, each in latest.items() if each is not None}
+    iteration = Iteration(number, latest, models)
+    if run.config.diagnose.on and number:
+        with iteration.timed("diagnose"):
+            iteration.diagnosis = diagnose(run, iteration)
+    iteration.effects = run.effects(number)
+    with iteration.timed("collect"):
+        collected = collect(run, iteration, arms)
+    with iteration.timed("snapshot"):
         outcomes = snapshot(run, iteration, collected)
-    with tally.timed("train"):
-        outcomes = train(run, iteration, outcomes, tally)
-    with tally.timed("evaluate"):
-        outcomes = evaluate(run, iteration, outcomes, tally)
-    outcomes = decide(run, outcomes)
-    for result in record(run, iteration, outcomes, tally):
+    with iteration.timed("train"):
+        outcomes = train(run, iteration, outcomes)
+    with iteration.timed("evaluate"):
+        outcomes = evaluate(run, iteration, outcomes)
+    outcomes = decide(run, iteration, outcomes)
+    for result in record(run, iteration, outcomes):
         keep(run, filmed(run, result))
         run.progress.say(summary(result))
-    return tally.problems
+    return iteration.problems
 
 
 def summary(result: IterationResult) -> str:

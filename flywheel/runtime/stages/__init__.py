@@ -8,9 +8,9 @@ from flywheel.runtime.stages.collect import collect
 from flywheel.runtime.stages.decide import decide
 from flywheel.runtime.stages.diagnose import diagnose
 from flywheel.runtime.stages.evaluate import evaluate
-from flywheel.runtime.stages.outcomes import Tally
+from flywheel.runtime.stages.outcomes import Iteration
 from flywheel.runtime.stages.record import record
 from flywheel.runtime.stages.snapshot import snapshot
 from flywheel.runtime.stages.train import train
 
-__all__ = ["Tally", "collect", "decide", "diagnose", "evaluate", "record", "snapshot", "train"]
+__all__ = ["Iteration", "collect", "decide", "diagnose", "evaluate", "record", "snapshot", "train"]

@@ -14,7 +14,7 @@ from flywheel.reports.diagnosis_page import diagnosis_page
 from flywheel.results import DiagnosisNote
 from flywheel.runtime.pool.jobs import Job
 from flywheel.runtime.run.context import Run
-from flywheel.runtime.stages.outcomes import Tally
+from flywheel.runtime.stages.outcomes import Iteration
 from flywheel.runtime.stages.scoring import score_jobs, scored
 from flywheel.runtime.workers.episode_plan import Effects
 from flywheel.runtime.workers.sim_worker import KnownPlant
@@ -22,40 +22,42 @@ from flywheel.runtime.workers.sim_worker import KnownPlant
 EXPECTED_SECONDS = 60.0  # of one diagnosis; for the remaining time that is shown
 
 
-def diagnose(run: Run, iteration: int, tally: Tally) -> DiagnosisNote | None:
+def diagnose(run: Run, iteration: Iteration) -> DiagnosisNote | None:
     """Diagnose the plant and write the answer.
 
     Returns:
       The answer; None if the diagnosis killed several workers and was set aside.
     """
-    if (done := run.folder.diagnosis(iteration)) is not None:
+    number = iteration.number
+    if (done := run.folder.diagnosis(number)) is not None:
         return done
-    before = run.effects(iteration - 1)
-    fit = _used(run, run.recordings("train", iteration))
-    held_out = _used(run, run.recordings("test", iteration))
+    before = run.effects(number - 1)
+    fit = _used(run, run.recordings("train", number))
+    held_out = _used(run, run.recordings("test", number))
     arguments = (before, fit, held_out)
-    job = Job(f"i{iteration:04d}-diagnose", "sim", "diagnose", arguments, size=EXPECTED_SECONDS)
-    report = tally.add(run.do([job], f"{iteration}: diagnose"))
+    job = Job(f"i{number:04d}-diagnose", "sim", "diagnose", arguments, size=EXPECTED_SECONDS)
+    report = iteration.add(run.do([job], f"{number}: diagnose"))
     if job.id not in report.results:
         return None
     found: Diagnosis = report.results[job.id]
     note = _note(found, before)
     if note.adopted:
-        note = unless_worse(note, before, *_off(run, iteration, tally, (before, note.effects)))
+        note = unless_worse(note, before, *_off(run, iteration, (before, note.effects)))
     about = {"recordings": ", ".join(fit), "held out": ", ".join(held_out) or "none"}
     page = diagnosis_page(found, about)
-    return run.folder.keep_diagnosis(iteration, note, page)
+    return run.folder.keep_diagnosis(number, note, page)
 
 
-def _off(run: Run, iteration: int, tally: Tally, plants: Sequence[Effects]) -> list[float]:
+def _off(run: Run, iteration: Iteration, plants: Sequence[Effects]) -> list[float]:
     """Prediction errors of plants on the held-out recordings [% of the length]; NaN without any."""
-    episodes = run.recordings("test", iteration)
+    number = iteration.number
+    episodes = run.recordings("test", number)
     jobs = [
-        score_jobs(run, f"i{iteration:04d}-plant-{i}", KnownPlant(each), episodes, each, full=False)
+        score_jobs(run, f"i{number:04d}-plant-{i}", KnownPlant(each), episodes, each, full=False)
         for i, each in enumerate(plants)
     ]
-    title = f"{iteration}: predict the held-out recordings"
-    report = tally.add(run.do([job for each in jobs for job in each], title))
+    title = f"{number}: predict the held-out recordings"
+    report = iteration.add(run.do([job for each in jobs for job in each], title))
     errors = [scored(report, each) for each in jobs]
     return [math.nan if each is None else each.short.e_pos_rmse for each in errors]
 

@@ -9,36 +9,31 @@ from typing import Any
 from flywheel.runtime.pool.jobs import Job
 from flywheel.runtime.run.context import Run
 from flywheel.runtime.stages.on_robot import drive_robot, robot_score_jobs, with_errors
-from flywheel.runtime.stages.outcomes import ArmOutcome, Tally
+from flywheel.runtime.stages.outcomes import ArmOutcome, Iteration
 from flywheel.runtime.stages.scoring import by_split, navigation, score_jobs, scored
 from flywheel.runtime.workers.episode_plan import Effects, evaluation
 
 
-def evaluate(
-    run: Run, iteration: int, outcomes: list[ArmOutcome], tally: Tally
-) -> list[ArmOutcome]:
+def evaluate(run: Run, iteration: Iteration, outcomes: list[ArmOutcome]) -> list[ArmOutcome]:
     """Evaluate every arm's model on validation data, then in closed loop, then on test data.
 
     The closed loop is on the robot if the run has one.
 
     A model with predictions that are not finite drives no robot.
     """
-    outcomes = _on_validation(run, iteration, outcomes, tally)
+    outcomes = _on_validation(run, iteration, outcomes)
     closed_loop = _in_closed_loop if run.config.robot is None else drive_robot
     outcomes = [
-        closed_loop(run, iteration, outcome, tally) if outcome.arm == "mppi" else outcome
+        closed_loop(run, iteration, outcome) if outcome.arm == "mppi" else outcome
         for outcome in outcomes
     ]
-    return _on_tests(run, iteration, outcomes, tally)
+    return _on_tests(run, iteration, outcomes)
 
 
-def _on_validation(
-    run: Run, iteration: int, outcomes: list[ArmOutcome], tally: Tally
-) -> list[ArmOutcome]:
-    effects = run.effects(iteration)
-    jobs = [_validation_jobs(run, outcome, effects) for outcome in outcomes]
+def _on_validation(run: Run, iteration: Iteration, outcomes: list[ArmOutcome]) -> list[ArmOutcome]:
+    jobs = [_validation_jobs(run, iteration, outcome) for outcome in outcomes]
     every = [*(job for new, _ in jobs for job in new), *(job for _, old in jobs for job in old)]
-    report = tally.add(run.do(every, f"{iteration}: validate"))
+    report = iteration.add(run.do(every, f"{iteration.number}: validate"))
     return [
         _judged(outcome, validation=scored(report, new), champion_validation=scored(report, old))
         for outcome, (new, old) in zip(outcomes, jobs, strict=True)
@@ -46,26 +41,27 @@ def _on_validation(
 
 
 def _validation_jobs(
-    run: Run, outcome: ArmOutcome, effects: Effects
+    run: Run, iteration: Iteration, outcome: ArmOutcome
 ) -> tuple[Sequence[Job], Sequence[Job]]:
     """Jobs for the new model, and for the arm's previous one."""
     if outcome.model is None:
         return (), ()
-    arm, episodes = outcome.arm, by_split(outcome.snapshot.episodes)["validation"]
+    arm, effects = outcome.arm, iteration.effects
+    episodes = by_split(outcome.snapshot.episodes)["validation"]
     new = score_jobs(run, f"{arm}-new", outcome.model, episodes, effects, full=False)
-    before = run.latest_model(arm)
+    before = iteration.models.get(arm)
     if before is None:
         return new, ()
     return new, score_jobs(run, f"{arm}-old", before, episodes, effects, full=False)
 
 
-def _in_closed_loop(run: Run, iteration: int, outcome: ArmOutcome, tally: Tally) -> ArmOutcome:
+def _in_closed_loop(run: Run, iteration: Iteration, outcome: ArmOutcome) -> ArmOutcome:
     if outcome.usable_model is None:
         return outcome
-    plans = evaluation(run.config, iteration, outcome.arm, run.effects(iteration))
+    plans = evaluation(run.config, iteration.number, outcome.arm, iteration.effects)
     jobs = run.episode_jobs(plans, outcome.usable_model)
-    report = tally.add(run.do(jobs, f"{iteration}: navigate"))
-    champion = run.latest(outcome.arm)
+    report = iteration.add(run.do(jobs, f"{iteration.number}: navigate"))
+    champion = iteration.latest[outcome.arm]
     return _judged(
         outcome,
         navigation=navigation(run, "mppi", report, plans),
@@ -82,18 +78,17 @@ class _TestJobs:
     overlay: Job | None = None
 
 
-def _on_tests(
-    run: Run, iteration: int, outcomes: list[ArmOutcome], tally: Tally
-) -> list[ArmOutcome]:
+def _on_tests(run: Run, iteration: Iteration, outcomes: list[ArmOutcome]) -> list[ArmOutcome]:
     """Errors on simulated test episodes up to now and, separately, on recordings."""
-    episodes, recordings = run.test_episodes(iteration), run.recordings("test", iteration + 1)
-    effects = run.effects(iteration)
+    episodes = run.test_episodes(iteration.number)
+    recordings = run.recordings("test", iteration.number + 1)
+    effects = iteration.effects
     by_arm = [_test_jobs(run, outcome, episodes, recordings, effects) for outcome in outcomes]
     every = [job for jobs in by_arm for job in (*jobs.episodes, *jobs.recordings)]
     every += [jobs.overlay for jobs in by_arm if jobs.overlay is not None]
     on_robot = robot_score_jobs(run, iteration) if run.config.robot else {}
     every += [job for part in on_robot.values() for job in part]
-    report = tally.add(run.do(every, f"{iteration}: test"))
+    report = iteration.add(run.do(every, f"{iteration.number}: test"))
     judged = [
         _judged(
             outcome,

@@ -10,7 +10,7 @@ from flywheel.runtime.config.robot_config import Planner
 from flywheel.runtime.pool.jobs import Job, PoolReport
 from flywheel.runtime.run.context import Model, Run, usable
 from flywheel.runtime.stages.collect import valid_notes
-from flywheel.runtime.stages.outcomes import ArmOutcome, Tally
+from flywheel.runtime.stages.outcomes import ArmOutcome, Iteration
 from flywheel.runtime.stages.scoring import navigation, score_jobs, scored
 from flywheel.runtime.workers.episode_plan import EpisodePlan, robot_drives
 from flywheel.runtime.workers.sim_worker import Baseline, KnownPlant
@@ -18,23 +18,24 @@ from flywheel.runtime.workers.sim_worker import Baseline, KnownPlant
 GIVEN, PLANT, RESIDUAL, NETWORK, NOISE = "given", "plant", "residual", "network", "noise"
 
 
-def drive_robot(run: Run, iteration: int, outcome: ArmOutcome, tally: Tally) -> ArmOutcome:
+def drive_robot(run: Run, iteration: Iteration, outcome: ArmOutcome) -> ArmOutcome:
     """Let every planner drive the robot to the goals; an unusable model does not drive."""
     robot = run.config.robot
     assert robot is not None, "only a run with a robot drives one"
-    trained = {NETWORK: outcome.usable_model, RESIDUAL: run.residual(iteration)}
+    number = iteration.number
+    trained = {NETWORK: outcome.usable_model, RESIDUAL: run.residual(number)}
     plans: dict[Planner, list[EpisodePlan]] = {
-        planner: robot_drives(run.config, iteration, planner, run.effects(iteration))
+        planner: robot_drives(run.config, number, planner, iteration.effects)
         for planner in robot.planners
         if planner not in trained or trained[planner] is not None
     }
     jobs = [job for p, its in plans.items() for job in run.robot_jobs(its, trained.get(p))]
-    report = tally.add(run.do(jobs, f"{iteration}: drive the robot"))
-    notes = [note for its in plans.values() for note in valid_notes(report, its, tally)]
+    report = iteration.add(run.do(jobs, f"{number}: drive the robot"))
+    notes = [note for its in plans.values() for note in valid_notes(report, its, iteration)]
     driven = _driven(run, report, plans)
-    before = run.latest(outcome.arm)
+    before = iteration.latest[outcome.arm]
     found = RobotResult(
-        minutes=run.robot_minutes(iteration),
+        minutes=run.robot_minutes(number),
         driven_minutes=sum(note.steps for note in notes) * run.config.network.dt / 60,
         drives=driven,
     )
@@ -54,19 +55,19 @@ def _driven(
     return {planner: each for planner, each in found.items() if each is not None}
 
 
-def robot_score_jobs(run: Run, iteration: int) -> dict[str, list[Job]]:
+def robot_score_jobs(run: Run, iteration: Iteration) -> dict[str, list[Job]]:
     """Jobs that score all models but the network on the robot's held-out recordings.
 
     Args:
       run: in progress.
       iteration: with its drives.
     """
-    episodes = run.recordings("test", iteration + 1)
-    effects = run.effects(iteration)
+    episodes = run.recordings("test", iteration.number + 1)
+    effects = iteration.effects
     subjects: dict[str, Baseline | KnownPlant | Model | None] = {
         GIVEN: KnownPlant(run.config.effects),
         PLANT: KnownPlant(effects),
-        RESIDUAL: run.residual(iteration),
+        RESIDUAL: run.residual(iteration.number),
         NOISE: Baseline.NOISE,
     }
     return {

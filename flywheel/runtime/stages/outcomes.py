@@ -3,32 +3,57 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 from flywheel.data import Snapshot
-from flywheel.results import Arm, Errors, GateDecision, Navigation, Overlay, RobotResult
+from flywheel.results import (
+    Arm,
+    DiagnosisNote,
+    Errors,
+    GateDecision,
+    IterationResult,
+    Navigation,
+    Overlay,
+    RobotResult,
+)
 from flywheel.runtime.pool.jobs import PoolReport
 from flywheel.runtime.run.context import Model, usable
+from flywheel.runtime.workers.episode_plan import Effects
 from flywheel.runtime.workers.trainer_worker import TrainingNote
 
 
 @dataclass
-class Tally:
-    """Cost of an iteration, in all arms together.
+class Iteration:
+    """An iteration in progress: what it begins with, and its cost so far, in all arms together.
 
     Attributes:
+      number: of the iteration, from 0.
+      latest: arm -> the iteration whose model the arm continues from; None before the first.
+      models: arm -> the model of that iteration, if there is one.
+      diagnosis: of the plant, before the episodes; None without one.
+      effects: of the plant, beyond the MJCF.
       seconds: wall time of each stage [s].
       cpu_seconds: processor time of the workers for jobs [s].
       restarts: number of replaced workers.
       problems: sentences about missing episodes.
     """
 
+    number: int
+    latest: Mapping[Arm, IterationResult | None] = field(default_factory=dict)
+    models: Mapping[Arm, Model] = field(default_factory=dict)
+    diagnosis: DiagnosisNote | None = None
+    effects: Effects = ()
     seconds: dict[str, float] = field(default_factory=dict)
     cpu_seconds: float = 0.0
     restarts: int = 0
     problems: list[str] = field(default_factory=list)
+
+    @property
+    def anew(self) -> bool:
+        """True if a diagnosis before it changed the plant."""
+        return self.diagnosis is not None and self.diagnosis.adopted
 
     @contextmanager
     def timed(self, stage: str) -> Iterator[None]:

@@ -4,27 +4,25 @@ from __future__ import annotations
 
 from flywheel.results import Arm, IterationResult
 from flywheel.runtime.run.context import Run
-from flywheel.runtime.stages.outcomes import ArmOutcome, Tally
+from flywheel.runtime.stages.outcomes import ArmOutcome, Iteration
 from flywheel.runtime.stages.scoring import by_split
 
 
-def record(
-    run: Run, iteration: int, outcomes: list[ArmOutcome], tally: Tally
-) -> list[IterationResult]:
+def record(run: Run, iteration: Iteration, outcomes: list[ArmOutcome]) -> list[IterationResult]:
     """The iteration's result in each arm."""
-    return [_result(run, iteration, outcome, tally) for outcome in outcomes]
+    return [_result(run, iteration, outcome) for outcome in outcomes]
 
 
-def _result(run: Run, iteration: int, outcome: ArmOutcome, tally: Tally) -> IterationResult:
+def _result(run: Run, iteration: Iteration, outcome: ArmOutcome) -> IterationResult:
     arm, collected, evaluated = outcome.arm, outcome.collected, outcome.evaluated
     data = by_split(outcome.snapshot.episodes)["train"]
     steps = {summary.id: summary.steps for summary in outcome.snapshot.episodes}
     main = arm == "mppi"  # costs shared by both arms are recorded for the MPPI arm
     return IterationResult(
-        iteration=iteration,
+        iteration=iteration.number,
         arm=arm,
         snapshot=outcome.snapshot.digest,
-        parent_snapshot=_parent(run, iteration, arm),
+        parent_snapshot=_parent(run, iteration.number, arm),
         model=outcome.training.digest,
         validation=evaluated.validation,
         test=evaluated.test,
@@ -34,21 +32,21 @@ def _result(run: Run, iteration: int, outcome: ArmOutcome, tally: Tally) -> Iter
         steps=sum(steps[name] for name in data),
         new_episodes=len(collected.segments),
         new_steps=collected.steps,
-        restarts=tally.restarts if main else 0,
+        restarts=iteration.restarts if main else 0,
         quarantined=collected.quarantined,
         invalid=collected.invalid,
-        cpu_seconds=round(tally.cpu_seconds, 2) if main else 0.0,
-        seconds={stage: round(s, 2) for stage, s in tally.seconds.items()},
+        cpu_seconds=round(iteration.cpu_seconds, 2) if main else 0.0,
+        seconds={stage: round(s, 2) for stage, s in iteration.seconds.items()},
         curve=outcome.training.curve,
         gate=outcome.gate,
         overlay=evaluated.overlay,
         robot=evaluated.robot,
-        diagnosis=run.folder.diagnosis(iteration),
+        diagnosis=iteration.diagnosis,
     )
 
 
-def _parent(run: Run, iteration: int, arm: Arm) -> str:
-    if iteration == 0:
+def _parent(run: Run, number: int, arm: Arm) -> str:
+    if number == 0:
         return ""
-    before = run.folder.finished(iteration - 1, run.arm_of(iteration - 1, arm))
+    before = run.folder.finished(number - 1, run.arm_of(number - 1, arm))
     return "" if before is None else before.snapshot

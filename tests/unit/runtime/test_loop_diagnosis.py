@@ -18,7 +18,7 @@ from flywheel.robots import load_robot
 from flywheel.runtime.config.parts import DiagnoseConfig
 from flywheel.runtime.config.run_config import RunConfig
 from flywheel.runtime.pool.jobs import PoolReport
-from flywheel.runtime.stages.outcomes import Tally
+from flywheel.runtime.stages.outcomes import Iteration
 from flywheel.runtime.workers import sim_worker
 from flywheel.runtime.workers.stored_episodes import effects_of
 from flywheel.truth_simulator import hidden_effect
@@ -124,7 +124,7 @@ def test_a_plant_is_diagnosed_as_it_was_an_iteration_before_and_the_answer_is_ke
         do=do,
     )
     monkeypatch.setattr(stage, "diagnosis_page", lambda found, about: str(about))
-    iteration, note, page = stage.diagnose(run, 2, Tally())
+    iteration, note, page = stage.diagnose(run, Iteration(2))
     used = [[f"{split}-2-{i}" for i in (0, 2)] for split in ("train", "test")]
     assert [(job.method, job.arguments) for job in asked] == [("diagnose", (before, *used))]
     assert iteration == 2 and note.effects == (slope,) and not note.adopted
