@@ -29,15 +29,10 @@ _DEEPEST = 1000  # layers, or rounds
 _NARROW = (4, 5)  # widths
 
 
-def weights_arrays(network: ChunkNetwork) -> dict[str, np.ndarray]:
-    """Every weight and normalisation buffer by name; the form for other processes."""
-    return arrays_of(network)
-
-
 def network_from_arrays(
     robot: Robot, config: NetworkConfig, arrays: dict[str, np.ndarray]
 ) -> ChunkNetwork:
-    """The network with given `weights_arrays`.
+    """The network with given arrays, see `arrays_of`.
 
     Raises:
       ModelError: names or shapes differ from those of this configuration on this robot.
@@ -59,8 +54,8 @@ def network_from_arrays(
 
 def weights_digest(network: ChunkNetwork) -> str:
     """Sha256 of robot, configuration and every array; equal weights have equal digests."""
-    arrays = weights_arrays(network)
-    return digest_of(_head(network.robot_digest, network.config), sorted(arrays.items()))
+    head = _head(network.robot_digest, network.config)
+    return digest_of(head, sorted(arrays_of(network).items()))
 
 
 def save_weights(network: ChunkNetwork, path: Path | str, snapshot: str = "") -> str:
@@ -75,8 +70,7 @@ def save_weights(network: ChunkNetwork, path: Path | str, snapshot: str = "") ->
       snapshot: digest of the training data.
     """
     path = Path(path)
-    arrays = weights_arrays(network)
-    digest = digest_of(_head(network.robot_digest, network.config), sorted(arrays.items()))
+    arrays, digest = arrays_of(network), weights_digest(network)
     about = {
         "format": _FORMAT,
         "digest": digest,
@@ -122,7 +116,7 @@ def seeing(network: ChunkNetwork, robot: Robot, surfaces: int) -> ChunkNetwork:
     if network.config.surfaces == surfaces:
         return network
     config = network.config.model_copy(update={"surfaces": surfaces})
-    return network_from_arrays(robot, config, weights_arrays(network))
+    return network_from_arrays(robot, config, arrays_of(network))
 
 
 def wanted_arrays(robot: Robot, config: NetworkConfig) -> dict[str, Wanted]:

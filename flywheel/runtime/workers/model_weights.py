@@ -12,8 +12,9 @@ from flywheel.diagnosis.fitting.subject import Subject
 from flywheel.dynamics.arithmetic import Arithmetic
 from flywheel.dynamics.baselines.weights import BaselineWeights, is_baseline
 from flywheel.dynamics.gnn import LearnedDynamics, NetworkConfig, load_weights
-from flywheel.dynamics.gnn.weights import network_from_arrays, weights_arrays, weights_digest
+from flywheel.dynamics.gnn.weights import network_from_arrays, weights_digest
 from flywheel.dynamics.residual import ResidualWeights, is_residual
+from flywheel.dynamics.weight_files import arrays_of
 from flywheel.effects import NAMED, Effect
 from flywheel.errors import ModelError
 from flywheel.robots import Robot
@@ -53,7 +54,7 @@ class Weights:
                 f"The weights {path} are not those that were trained here: their digest is "
                 f"{found[:12]}, not {digest[:12]}. `flywheel data verify RUN` says which they are."
             )
-        return cls(found, network.config, weights_arrays(network))
+        return cls(found, network.config, arrays_of(network))
 
     def dynamics(
         self,

@@ -9,7 +9,7 @@ import torch
 from flywheel.dynamics.arithmetic import Arithmetic
 from flywheel.dynamics.gnn import LearnedDynamics, NetworkConfig, Simulator, weights_digest
 from flywheel.dynamics.gnn.learned import shares
-from flywheel.dynamics.gnn.weights import weights_arrays
+from flywheel.dynamics.weight_files import arrays_of
 from flywheel.errors import ModelError
 from flywheel.records import Observation, Past
 from flywheel.runtime.workers.model_weights import Weights
@@ -60,7 +60,7 @@ def test_blocks_and_threads_change_nothing(scene, one_past):
 def test_predictions_have_the_precision_of_their_arithmetic(scene):
     robot, network, window = scene
     past, controls = past_of(window), window.controls.numpy()
-    weights = Weights(weights_digest(network), network.config, weights_arrays(network))
+    weights = Weights(weights_digest(network), network.config, arrays_of(network))
     exact, rounded = (
         weights.dynamics(robot, arithmetic=Arithmetic("cpu", precision)).rollout(past, controls)
         for precision in ("float32", "bfloat16")

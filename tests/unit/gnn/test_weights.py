@@ -23,8 +23,8 @@ from flywheel.dynamics.gnn.weights import (
     network_from_arrays,
     read_about,
     wanted_arrays,
-    weights_arrays,
 )
+from flywheel.dynamics.weight_files import arrays_of
 from flywheel.errors import ModelError
 from tests.damage import flip
 
@@ -106,11 +106,11 @@ def test_a_side_file_of_other_weights_is_found(robots, saved):
 
 def test_weights_travel_as_arrays(robots, saved):
     network = saved[0]
-    again = network_from_arrays(robots["prism3"], network.config, weights_arrays(network))
+    again = network_from_arrays(robots["prism3"], network.config, arrays_of(network))
     assert weights_digest(again) == saved[2]
     wide = NetworkConfig.lean(width=16, rounds=1)
     with pytest.raises(ModelError, match="do not fit"):
-        network_from_arrays(robots["prism3"], wide, weights_arrays(network))
+        network_from_arrays(robots["prism3"], wide, arrays_of(network))
 
 
 def test_reading_weights_draws_no_random_number(robots, saved):
@@ -228,7 +228,7 @@ FORGED = {  # how, and what is said
 def test_what_a_network_holds_is_known_without_making_it(robots, make_network, seed, preset, name):
     config = preset(width=24)
     wanted = wanted_arrays(robots[name], config)
-    arrays = weights_arrays(make_network(robots[name], config, seed))
+    arrays = arrays_of(make_network(robots[name], config, seed))
     assert {n: (w.shape, w.dtype, w.nbytes) for n, w in wanted.items()} == {
         n: (a.shape, a.dtype, a.nbytes) for n, a in arrays.items()
     }
@@ -238,7 +238,7 @@ def test_what_a_network_holds_is_known_without_making_it(robots, make_network, s
 def test_arrays_are_looked_at_before_they_are_read(robots, saved, how):
     network, path, _ = saved
     forge, said = FORGED[how]
-    forge(path, weights_arrays(network))
+    forge(path, arrays_of(network))
     tracemalloc.start()
     begun = time.perf_counter()
     try:

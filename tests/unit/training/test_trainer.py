@@ -8,9 +8,16 @@ import numpy as np
 import pytest
 import torch
 
-from flywheel.dynamics.gnn import load_weights, weights_digest
+from flywheel.data import WindowCache
+from flywheel.dynamics.gnn import (
+    ChunkNetwork,
+    NetworkConfig,
+    Simulator,
+    load_weights,
+    weights_digest,
+)
 from flywheel.errors import ConfigError, DataError, ModelError
-from flywheel.robots import read_robot
+from flywheel.robots import Robot, read_robot
 from flywheel.training import Schedule, Stage, Trainer
 from flywheel.training.checkpoint import read_checkpoint
 from flywheel.training.objective import Objective
@@ -263,21 +270,24 @@ def test_the_number_of_threads_is_put_back_and_changes_no_bit(trainer, make_conf
     assert len(digests) == 1
 
 
-def test_a_validation_rollout_that_flies_off_is_never_the_best(
-    robot, validation, network_config, monkeypatch
-):
-    from flywheel.dynamics.gnn import ChunkNetwork, Simulator
-
-    measure = Validation(
+def measured(robot: Robot, cache: WindowCache, config: NetworkConfig) -> Validation:
+    """Four short windows of a cache."""
+    return Validation(
         robot,
-        validation,
-        history=network_config.history,
-        chunk=network_config.chunk,
+        cache,
+        history=config.history,
+        chunk=config.chunk,
         dt=0.01,
         seconds=0.2,
         windows=4,
         seed=0,
     )
+
+
+def test_a_validation_rollout_that_flies_off_is_never_the_best(
+    robot, validation, network_config, monkeypatch
+):
+    measure = measured(robot, validation, network_config)
     simulator, network = Simulator(robot, network_config), ChunkNetwork(robot, network_config)
     original = Simulator.unroll
 
@@ -294,20 +304,9 @@ def test_a_validation_rollout_that_flies_off_is_never_the_best(
 def test_weights_for_a_robot_that_shows_no_rotation_are_selected_by_positions(
     cache_of, network_config
 ):
-    from flywheel.dynamics.gnn import ChunkNetwork, Simulator
-
     robot = read_robot(GOOD)
     assert len(robot.points) == 1
-    measure = Validation(
-        robot,
-        cache_of(robot, 0, 2, 150),
-        history=network_config.history,
-        chunk=network_config.chunk,
-        dt=0.01,
-        seconds=0.2,
-        windows=4,
-        seed=0,
-    )
+    measure = measured(robot, cache_of(robot, 0, 2, 150), network_config)
     network = ChunkNetwork(robot, network_config)
     errors = measure(Simulator(robot, network_config), network, "cpu")
     assert np.isnan(errors.table.e_rot)
