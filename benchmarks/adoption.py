@@ -13,7 +13,6 @@ the results into benchmarks/results/.
 
 from __future__ import annotations
 
-import argparse
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -22,6 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.command import parser_of
 from benchmarks.diagnosis.case_result import Named
 from benchmarks.diagnosis.cases import Case, Plan, cases
 from benchmarks.diagnosis.examiner import truth_of
@@ -324,9 +324,7 @@ def wanted(hidden: Sequence[str], seeds: Sequence[int]) -> list[tuple[int, Case]
 
 def main() -> None:
     """Study the cases that the folder has no result of yet, and print the table of all."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.adoption", description=(__doc__ or "").splitlines()[0]
-    )
+    parser = parser_of(__file__, __doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--hidden", nargs="*", default=HIDDEN, help="effects to hide")
     parser.add_argument("--seeds", type=int, nargs="*", default=[0, 1, 2])

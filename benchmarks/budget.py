@@ -9,7 +9,6 @@ predicts 2 s from random starts in them; between its prediction chunks one part 
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -22,6 +21,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from torch import Tensor
 
+from benchmarks.command import parser_of
 from benchmarks.rows import RESULTS, other_rows, rows_there, write_rows
 from flywheel.dynamics import Persistence, RestartedPlant
 from flywheel.dynamics.gnn import ChunkNetwork, Simulator, load_weights, weights_digest
@@ -447,7 +447,7 @@ def figure(tables: Mapping[str, ErrorTable], chunk: int) -> Figure:
 
 def main() -> None:
     """Measure, write what was measured into the tables' files, and draw."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser = parser_of(__file__, __doc__)
     parser.add_argument("robot", nargs="?", default="prism3", choices=ROBOTS)
     parser.add_argument("--weights", type=Path, help="of the network; by default the shipped one")
     parser.add_argument(

@@ -9,7 +9,6 @@ and keeps one JSON file per story. Existing stories are not repeated: it can be 
 
 from __future__ import annotations
 
-import argparse
 import math
 import os
 import time
@@ -20,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.command import parser_of
 from benchmarks.seconds import cpu_seconds
 from flywheel.demo.assessment import RIGHT, Naming
 from flywheel.demo.demonstration import (
@@ -209,9 +209,7 @@ def _line(what: str, rows: Sequence[DemoRow]) -> str:
 
 def main() -> None:
     """Tell the stories that the folder has no result of yet, and print the table of all."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.demo", description=(__doc__ or "").splitlines()[0]
-    )
+    parser = parser_of(__file__, __doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--hidden", nargs="*", default=[*HIDDEN, NOTHING], help="effects, or none")
     parser.add_argument("--seeds", type=int, nargs="*", default=SEEDS)

@@ -10,7 +10,6 @@ runs configs/smoke.yaml on each file that becomes a robot, some two minutes for 
 
 from __future__ import annotations
 
-import argparse
 import hashlib
 import re
 import subprocess
@@ -20,6 +19,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from benchmarks.command import parser_of
 from benchmarks.rows import RESULTS, read_rows, write_rows
 from flywheel.cli.robot.settling import control_step, verdict
 from flywheel.cli.robot.steps import measured
@@ -132,7 +132,7 @@ def table(rows: Sequence[LabFileRow]) -> list[str]:
 
 def main() -> None:
     """Judge all files again."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = parser_of(__file__, __doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--loop", action="store_true")
     given = parser.parse_args()

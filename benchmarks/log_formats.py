@@ -11,7 +11,6 @@ are left out: `pip install --no-deps c3d trc-data-reader hdf5storage fastparquet
 
 from __future__ import annotations
 
-import argparse
 import json
 import re
 from collections.abc import Callable, Sequence
@@ -26,6 +25,7 @@ import numpy as np
 import yaml
 from typer.testing import CliRunner
 
+from benchmarks.command import parser_of
 from benchmarks.rows import RESULTS, rows_there, write_rows
 from benchmarks.seconds import cpu_seconds
 from flywheel.cli.main import app
@@ -314,7 +314,7 @@ def table(rows: Sequence[LogFormatRow]) -> list[str]:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Measure all formats; the exit code is 1 if one misses a goal."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser = parser_of(__file__, __doc__)
     parser.add_argument(
         "--only", default="", help="formats whose title has this; rows of others stay"
     )

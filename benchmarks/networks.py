@@ -8,7 +8,6 @@ no training has seen: on the plant of the MJCF, on those of the training, and on
 
 from __future__ import annotations
 
-import argparse
 import shutil
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -18,6 +17,7 @@ import numpy as np
 import yaml
 from scipy.stats import qmc
 
+from benchmarks.command import parser_of
 from flywheel.cli.runs.opening import OpenRun, open_run
 from flywheel.dynamics import Persistence
 from flywheel.dynamics.gnn import LearnedDynamics, load_weights, weights_digest
@@ -203,7 +203,7 @@ def table() -> list[str]:
 
 def main() -> None:
     """Train, measure, and write."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = parser_of(__file__, __doc__)
     parser.add_argument("robot", choices=sorted(path.stem for path in CONFIGS.glob("*[0-9].yaml")))
     parser.add_argument("folder", type=Path)
     asked = parser.parse_args()

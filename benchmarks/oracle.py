@@ -10,12 +10,12 @@ model error. docs/results/oracle.md lists its rows.
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections.abc import Callable
 
 import numpy as np
 
+from benchmarks.command import parser_of
 from flywheel.control import Controller, EpisodeOrder, Mppi, MppiConfig, record_episode, standing
 from flywheel.control.protocol import Command
 from flywheel.dynamics.plant import MeasurementModel, Plant, PlantDynamics
@@ -118,9 +118,7 @@ def _coarser(robot: Robot) -> Robot:
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.oracle", description=(__doc__ or "").splitlines()[0]
-    )
+    parser = parser_of(__file__, __doc__)
     parser.add_argument("--robot", default="prism3")
     parser.add_argument("--course", help="an obstacle course instead of open ground")
     parser.add_argument("--goals", type=int, default=24)

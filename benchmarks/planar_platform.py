@@ -15,7 +15,6 @@ so that one whose drum is smaller than it thinks has a gain below one.
 
 from __future__ import annotations
 
-import argparse
 import csv
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,9 +23,10 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation
 
-from flywheel.data.recordings import write_recording
-from flywheel.records import Episode, Floats, Observation, Provenance, Trajectory
-from flywheel.robots import Robot, read_robot
+from benchmarks.command import parser_of
+from benchmarks.logs import write_log
+from flywheel.records import Floats
+from flywheel.robots import read_robot
 
 TAKE = "analysis/gerry00_estimation/13_concentric_diamonds_1mps_cal"
 FRAME, MARKERS = ("br", "tr", "tl", "bl"), ("m1", "m2", "m3", "m4")
@@ -195,28 +195,9 @@ def mjcf(platform: Platform, corners: Floats, start: Floats) -> str:
     return "\n".join(parts) + "\n"
 
 
-def write_log(path: Path, rows: Floats, commands: Floats, begin: Floats, robot: Robot) -> None:
-    """Write a log in the format of `flywheel`, replacing an existing file.
-
-    Args:
-      path: of the CSV file.
-      rows: (S + 1, 4, 3) markers [m].
-      commands: (S, 4) rates of the winches [m/s].
-      begin: (4,) initial winch positions [m], unmeasured afterwards.
-      robot: of the log.
-    """
-    wound = np.full((len(rows), len(begin)), np.nan)
-    wound[0] = begin
-    track = Trajectory(Observation(rows, wound), commands, DT)
-    path.unlink(missing_ok=True)
-    write_recording(Episode(path.stem, track, Provenance(robot.digest), "train"), path, robot)
-
-
 def main() -> None:
     """Write the robot and its logs."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.planar_platform", description=(__doc__ or "").splitlines()[0]
-    )
+    parser = parser_of(__file__, __doc__)
     parser.add_argument("checkout", type=Path)
     parser.add_argument("folder", type=Path)
     given = parser.parse_args()
@@ -245,7 +226,7 @@ def main() -> None:
         rows = markers[first : first + steps + 1]
         start_lengths = platform.lengths(rows[0], take.corners)
         told = rates[first : first + steps]
-        write_log(given.folder / f"{name}.csv", rows, told, start_lengths, robot)
+        write_log(given.folder / f"{name}.csv", rows, told, start_lengths, DT, robot)
 
 
 if __name__ == "__main__":

@@ -15,7 +15,6 @@ benchmarks.tables collect residual OUT_FOLDER` imports the results into benchmar
 
 from __future__ import annotations
 
-import argparse
 import itertools
 import time
 from collections.abc import Sequence
@@ -24,6 +23,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.command import parser_of
 from flywheel.data import SplitSource, TrajectoryStore, WindowCache
 from flywheel.dynamics.gnn import LearnedDynamics, load_weights
 from flywheel.dynamics.plant import Plant, RestartedPlant
@@ -400,9 +400,7 @@ def table(rows: Sequence[ResidualRow]) -> list[str]:
 
 def main() -> None:
     """Complete the missing studies of the folder, and print the table of all."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.residual", description=(__doc__ or "").splitlines()[0]
-    )
+    parser = parser_of(__file__, __doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--hidden", nargs="*", default=list(SETS), choices=SETS)
     parser.add_argument("--minutes", type=float, nargs="*", default=[1.0, 3.0, 10.0, 30.0])

@@ -13,7 +13,6 @@ results are reused. `python -m benchmarks.tables collect robot FOLDER` imports t
 
 from __future__ import annotations
 
-import argparse
 import itertools
 import math
 import time
@@ -24,6 +23,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.command import parser_of
 from flywheel.cli.driving.driver import PLANT, RESIDUAL, RobotDriver
 from flywheel.cli.driving.drives import DriveLine, append_drive, read_drives
 from flywheel.cli.runs.opening import OpenRun, open_run
@@ -340,9 +340,7 @@ def _reached(row: DriveRow) -> str:
 
 def main() -> None:
     """Do the missing studies of the folder, and print their tables."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.robot", description=(__doc__ or "").splitlines()[0]
-    )
+    parser = parser_of(__file__, __doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--sets", nargs="*", default=["library"], choices=SETS)
     parser.add_argument("--seeds", type=int, nargs="*", default=[0, 1, 2])

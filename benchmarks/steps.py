@@ -9,12 +9,12 @@ in such steps ends in the same place.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.command import parser_of
 from benchmarks.rows import RESULTS, other_rows, write_rows
 from flywheel.control import Gait, RandomControls, random_drop
 from flywheel.control.gaits import FORWARDS
@@ -293,7 +293,7 @@ def _number(number: float) -> str:
 
 def main() -> None:
     """Measure, and write what was measured into the tables' files."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = parser_of(__file__, __doc__)
     parser.add_argument("robots", nargs="*", choices=[[], *ROBOTS], metavar="ROBOT")
     for robot in parser.parse_args().robots or ROBOTS:
         for path, kind, rows in (

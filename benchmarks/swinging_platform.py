@@ -18,7 +18,6 @@ height of the cables' ends; authors4.yaml has what the authors identified from f
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 from collections.abc import Mapping, Sequence
@@ -29,6 +28,7 @@ import numpy as np
 from scipy.io import loadmat
 from scipy.spatial.transform import Rotation
 
+from benchmarks.command import parser_of
 from flywheel.files import yaml_text
 from flywheel.records import Floats
 
@@ -100,9 +100,7 @@ def _rounded(values: Sequence[float] | Floats) -> list[float]:
 
 def main() -> None:
     """Write the structure and the maps, and print the authors' answer."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.swinging_platform", description=(__doc__ or "").splitlines()[0]
-    )
+    parser = parser_of(__file__, __doc__)
     parser.add_argument("checkout", type=Path)
     parser.add_argument("geometry", type=Path)
     parser.add_argument("folder", type=Path)

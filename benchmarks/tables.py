@@ -39,6 +39,7 @@ from benchmarks import (
     trunk,
 )
 from benchmarks.adoption import AdoptionRow, AdoptionStudy
+from benchmarks.command import parser_of
 from benchmarks.demo import DemoResult, DemoRow
 from benchmarks.diagnosis.case_result import CaseResult
 from benchmarks.diagnosis.case_row import CaseRow
@@ -301,9 +302,7 @@ def collect_navigation(name: str, source: Path, seed: int) -> None:
 
 def main() -> None:
     """Rebuild the tables of the pages, or import results."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.tables", description=(__doc__ or "").splitlines()[0]
-    )
+    parser = parser_of(__file__, __doc__)
     verbs = parser.add_subparsers(dest="verb")
     verb = verbs.add_parser("collect", help="import results as CSV")
     kinds = verb.add_subparsers(dest="kind", required=True)

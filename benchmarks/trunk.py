@@ -13,7 +13,6 @@ stiffness are guesses; where cables end, and how far a motor moves its disc, is 
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -23,6 +22,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from benchmarks.command import parser_of
 from benchmarks.rows import RESULTS, grouped, write_rows
 from flywheel.data import SplitSource, TrajectoryStore, WindowCache
 from flywheel.data.recordings import write_recording
@@ -313,9 +313,7 @@ def figure(models: Mapping[str, Dynamics], tested: Episode) -> Figure:
 
 def main() -> None:
     """Write the robot, train, fit and measure the models, and write the CSV and the figure."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.trunk", description=(__doc__ or "").splitlines()[0]
-    )
+    parser = parser_of(__file__, __doc__)
     parser.add_argument("archive", type=Path)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--logs", action="store_true")

@@ -15,15 +15,15 @@ on told angles says, too, which the diagnosis does not see.
 
 from __future__ import annotations
 
-import argparse
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from scipy.signal import lfilter
 
-from flywheel.data.recordings import write_recording
-from flywheel.records import Episode, Floats, Observation, Provenance, Trajectory
+from benchmarks.command import parser_of
+from benchmarks.logs import write_log
+from flywheel.records import Floats
 from flywheel.robots import GRAVITY, Robot, read_robot
 
 DT = 0.01  # of the log [s]
@@ -110,25 +110,19 @@ def mjcf() -> str:
     return "\n".join(parts) + "\n"
 
 
-def write_log(path: Path, log: ServoLog, robot: Robot) -> None:
+def write_servo_log(path: Path, log: ServoLog, robot: Robot) -> None:
     """Write a part of the log, replacing an existing file: cables that lengthen as motors turn."""
     lengths = LENGTH + DRUM * log.had
     heights = CEILING - lengths - MASS * GRAVITY / STIFFNESS
     across = np.broadcast_to(APART * np.arange(MOTORS), heights.shape)
     points = np.stack([across, np.zeros_like(heights), heights], axis=2)
     points[: round(BEFORE / DT)] = np.nan
-    wound = np.full_like(lengths, np.nan)
-    wound[0] = lengths[0]
-    track = Trajectory(Observation(points, wound), LENGTH + DRUM * log.told, DT)
-    path.unlink(missing_ok=True)
-    write_recording(Episode(path.stem, track, Provenance(robot.digest), "train"), path, robot)
+    write_log(path, points, LENGTH + DRUM * log.told, lengths[0], DT, robot)
 
 
 def main() -> None:
     """Write the robot and its logs, and print the results of the regression."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.trunk_servos", description=(__doc__ or "").splitlines()[0]
-    )
+    parser = parser_of(__file__, __doc__)
     parser.add_argument("archive", type=Path)
     parser.add_argument("folder", type=Path)
     given = parser.parse_args()
@@ -143,7 +137,7 @@ def main() -> None:
         first, last = round(begin / DT), round((begin + seconds) / DT)
         begun = first - round(BEFORE / DT)
         part = ServoLog(log.told[begun:last], log.had[begun : last + 1])
-        write_log(given.folder / f"{name}.csv", part, robot)
+        write_servo_log(given.folder / f"{name}.csv", part, robot)
 
 
 if __name__ == "__main__":

@@ -9,9 +9,9 @@ into benchmarks/results/.
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 
+from benchmarks.command import parser_of
 from benchmarks.diagnosis.cases import cases
 from benchmarks.sysid.study import CaseStudy, study
 from benchmarks.sysid.table import HEADER, HIDDEN, line, rows_of
@@ -22,9 +22,7 @@ from flywheel.robots import load_robot
 
 def main() -> None:
     """Study the cases that the folder has no result of yet, and print the table of all."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.sysid", description=(__doc__ or "").splitlines()[0]
-    )
+    parser = parser_of(__file__, __doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--robot", default="prism3")
     parser.add_argument("--hidden", nargs="*", default=HIDDEN, help="effects to hide")

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from benchmarks.planar_platform import DT, FRAME, Platform, Take, clock_offset, mjcf, write_log
+from benchmarks.logs import write_log
+from benchmarks.planar_platform import DT, FRAME, Platform, Take, clock_offset, mjcf
 from flywheel.cli.console import console
 from flywheel.cli.logs.reading import read_logs
 from flywheel.robots import load_robot
@@ -53,7 +54,7 @@ def test_its_robot_and_its_logs_can_be_read(take: Take, tmp_path: Path) -> None:
     assert [winch.name for winch in robot.winches] == [f"winch_{n}" for n in FRAME]
     rows, commands = _markers(np.arange(51) * DT), np.full((50, 4), 0.1)
     begin = platform.lengths(rows[0], take.corners)
-    write_log(tmp_path / "monday.csv", rows, commands, begin, robot)
+    write_log(tmp_path / "monday.csv", rows, commands, begin, DT, robot)
     (log,) = read_logs([tmp_path / "monday.csv"], robot, DT, console())
     seen = log.trajectory.observations
     np.testing.assert_allclose(seen.points, rows, atol=1e-5)

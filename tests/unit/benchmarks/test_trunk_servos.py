@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.trunk_servos import DT, MOTORS, ServoLog, mjcf, write_log
+from benchmarks.trunk_servos import DT, MOTORS, ServoLog, mjcf, write_servo_log
 from flywheel.cli.console import console
 from flywheel.cli.logs.reading import read_logs
 from flywheel.robots import read_robot
@@ -29,7 +29,7 @@ def test_delay_and_gains_are_found_again(log: ServoLog) -> None:
 
 def test_the_log_is_one_of_the_robot(log: ServoLog, tmp_path: Path) -> None:
     robot = read_robot(mjcf())
-    write_log(tmp_path / "monday.csv", log, robot)
+    write_servo_log(tmp_path / "monday.csv", log, robot)
     (read,) = read_logs([tmp_path / "monday.csv"], robot, DT, console())
     seen = read.trajectory.observations
     height = robot.keyframe.qpos[2] - seen.points[:, 0, 2]
