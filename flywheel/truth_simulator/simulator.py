@@ -29,11 +29,6 @@ from flywheel.truth_simulator.skeleton import Skeleton, bare_spec
 
 STEP = 0.001  # [s]
 SETTLE = 2.0  # [s]
-DIVERGED = (
-    mujoco.mjtWarning.mjWARN_BADQPOS,
-    mujoco.mjtWarning.mjWARN_BADQVEL,
-    mujoco.mjtWarning.mjWARN_BADQACC,
-)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,6 @@ from typer.testing import CliRunner
 
 from flywheel.cli.main import app
 
-ROOT = Path(__file__).parents[3]
 CSV = "log.csv --robot prism3"
 COMMANDS = (
     f"diagnose {CSV} --page OUT",

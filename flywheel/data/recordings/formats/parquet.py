@@ -16,7 +16,7 @@ from flywheel.errors import DataError
 from flywheel.files import read_json
 from flywheel.records import Floats
 
-EPISODE, FRAME = "episode_index", "frame_index"
+FRAME = "frame_index"
 PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 
 

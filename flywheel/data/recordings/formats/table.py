@@ -23,7 +23,6 @@ from flywheel.errors import DataError
 
 HEADER_LINES = 200  # comments and titles before the rows
 BLANKS = re.compile(rb"[ \t]+")
-LATEST = 1e8  # [s] since 1970: dates are later than 1973
 
 
 def read(path: Path, names: tuple[str, ...]) -> Contents:

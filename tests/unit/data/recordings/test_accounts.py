@@ -17,7 +17,6 @@ from flywheel.records import Episode, Floats, Observation, Provenance, Trajector
 from flywheel.robots import Robot, load_robot, read_robot
 
 NOISE = 0.0005  # [m]
-ROWS = 401
 Change = Callable[[Floats], Floats]
 
 
