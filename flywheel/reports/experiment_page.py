@@ -82,26 +82,35 @@ def design_sentence(found: Design) -> str:
 
 def write_power(found: Power, path: str | Path, about: Mapping[str, str]) -> Path:
     """Write the page of an experiment's power: one HTML file, with lines `about` it."""
+    bare = found.by_points is not None
+    circles = " Circles: by points alone, where that is visible." if bare else ""
     figures = [
         Picture(
             smallest_sizes,
             "Smallest visible effects",
             "Blue: the requested size would be visible. Candidates without a bar are invisible."
-            + (
-                ""
-                if found.by_points is None
-                else " Circles: by points alone, where that is visible."
-            ),
+            + circles,
         ),
         Picture(
             likeness,
             "Candidates that resemble each other",
-            (
-                "Of the candidates that show best: near one, the experiment can hardly distinguish "
-                "the two."
-            ),
+            "Of the candidates that show best: near one, the experiment can hardly distinguish the two.",
         ),
     ]
+    return _write(
+        "Power",
+        power_sentence(found),
+        _prospects(found),
+        confusions(found),
+        shown({each.title: each for each in figures}, found),
+        path,
+        about,
+        found.enough,
+    )
+
+
+def _prospects(found: Power) -> Listing:
+    """Each candidate with its smallest visible size, and the one that is most like it."""
     columns = (
         "effect",
         "smallest visible",
@@ -121,17 +130,7 @@ def write_power(found: Power, path: str | Path, about: Mapping[str, str]) -> Pat
         alone = by_points.get(p.candidate.label)
         bare = [] if alone is None else ["invisible" if isnan(alone) else f"{alone:.3g}"]
         rows.append((p.candidate.label, *(seen if p.visible else ("invisible", "")), *bare, *pair))
-    notes = confusions(found)
-    return _write(
-        "Power",
-        power_sentence(found),
-        Listing(columns, rows),
-        notes,
-        shown({each.title: each for each in figures}, found),
-        path,
-        about,
-        found.enough,
-    )
+    return Listing(columns, rows)
 
 
 def write_design(

@@ -142,7 +142,8 @@ def test_gradients_are_finite_through_eight_chunks(robots, make_network, make_wi
         window = dataclasses.replace(window, controls=controls)
         said = Simulator(robot, config).unroll(network, *window.arguments())
         (said.points.square().mean() + said.winch.square().mean()).backward()
-        assert all(torch.isfinite(p.grad).all() for p in network.parameters() if p.grad is not None)
+        gradients = [p.grad for p in network.parameters() if p.grad is not None]
+        assert gradients and all(torch.isfinite(each).all() for each in gradients)
         assert torch.isfinite(controls.grad).all()
         assert controls.grad.abs().max() > 0
         memory = [p.grad.abs().max() for p in network.memory.parameters()]

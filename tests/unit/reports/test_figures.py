@@ -113,7 +113,7 @@ def test_figures_are_written_under_their_names(tmp_path, run):
     assert write_figures(small, tmp_path) == []
     only = run.model_copy(update={"iterations": run.iterations[:1], "pooled": (), "oracle": None})
     written = write_figures(only, tmp_path / "figures")
-    assert {path.stem for path in written} <= set(FIGURES)
+    assert written and {path.stem for path in written} <= set(FIGURES)
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in written)
 
 

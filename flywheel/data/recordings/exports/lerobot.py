@@ -137,16 +137,12 @@ class _DataSet:
     def add(self, episode: Episode) -> None:
         """Write an episode's frames."""
         log, track = Logged.of(episode, self._robot), episode.trajectory
-        self._dt = self._dt or track.dt
-        if track.dt != self._dt:
-            raise DataError(
-                f"Episode {episode.id} has steps of {track.dt:g} s, others of {self._dt:g} s; a LeRobot data "
-                "set has one rate."
-            )
+        names, vectors = _vectors(log, self._robot)
+        self._check_alike(episode, names, vectors)
         self.left |= dict.fromkeys(log.left)
         steps, number = track.steps, len(self._episodes)
-        task = self._tasks.setdefault(episode.provenance.controller or "none", len(self._tasks))
-        names, vectors = _vectors(log, self._robot)
+        controller = episode.provenance.controller or "none"
+        task = self._tasks.setdefault(controller, len(self._tasks))
         singles = {
             "timestamp": (track.dt * np.arange(steps)).astype(np.float32),
             "frame_index": np.arange(steps),
@@ -154,6 +150,45 @@ class _DataSet:
             "index": self.frames + np.arange(steps),
             "task_index": np.full(steps, task),
         }
+        self._write(_table(vectors, singles))
+        numbers = {
+            name: _Numbers.of(np.asarray(values, float).reshape(steps, -1))
+            for name, values in (vectors | singles).items()
+        }
+        self._whole = {n: self._whole[n] + e if self._whole else e for n, e in numbers.items()}
+        about = {
+            "episode_index": number,
+            "tasks": [controller],
+            "length": steps,
+            "data/chunk_index": self._file // MOST,
+            "data/file_index": self._file % MOST,
+            "dataset_from_index": self.frames,
+            "dataset_to_index": self.frames + steps,
+            "meta/episodes/chunk_index": 0,
+            "meta/episodes/file_index": 0,
+            "flywheel/episode": episode.id,
+            "flywheel/split": episode.split,
+            "flywheel/conditions": episode.provenance.conditions,
+        }
+        stats = {
+            f"stats/{name}/{statistic}": value
+            for name, each in numbers.items()
+            for statistic, value in each.told(steps).items()
+        }
+        self._episodes.append(about | stats)
+        self.frames += steps
+
+    def _check_alike(
+        self, episode: Episode, names: Mapping[str, list[str]], vectors: Mapping[str, Floats]
+    ) -> None:
+        """Raises DataError for an episode of another rate, or with other vectors, than those before."""
+        dt = episode.trajectory.dt
+        self._dt = self._dt or dt
+        if dt != self._dt:
+            raise DataError(
+                f"Episode {episode.id} has steps of {dt:g} s, others of {self._dt:g} s; a LeRobot data "
+                "set has one rate."
+            )
         features = {
             name: {"dtype": "float64", "shape": [len(names[name])], "names": names[name]}
             for name in vectors
@@ -164,34 +199,6 @@ class _DataSet:
                 "data set has the same of all."
             )
         self._features = features
-        self._write(_table(vectors, singles))
-        numbers = {
-            name: _Numbers.of(np.asarray(values, float).reshape(steps, -1))
-            for name, values in (vectors | singles).items()
-        }
-        self._whole = {n: self._whole[n] + e if self._whole else e for n, e in numbers.items()}
-        self._episodes.append(
-            {
-                "episode_index": number,
-                "tasks": [episode.provenance.controller or "none"],
-                "length": steps,
-                "data/chunk_index": self._file // MOST,
-                "data/file_index": self._file % MOST,
-                "dataset_from_index": self.frames,
-                "dataset_to_index": self.frames + steps,
-                "meta/episodes/chunk_index": 0,
-                "meta/episodes/file_index": 0,
-                "flywheel/episode": episode.id,
-                "flywheel/split": episode.split,
-                "flywheel/conditions": episode.provenance.conditions,
-            }
-            | {
-                f"stats/{name}/{statistic}": value
-                for name, each in numbers.items()
-                for statistic, value in each.told(steps).items()
-            }
-        )
-        self.frames += steps
 
     def finish(self) -> None:
         """Write what is about all episodes."""
