@@ -34,15 +34,7 @@ from flywheel.dynamics.protocol import Dynamics
 from flywheel.evaluation import score
 from flywheel.evaluation.pasts import past_at
 from flywheel.outputs import write_output
-from flywheel.records import (
-    RECORDING,
-    Episode,
-    Floats,
-    Observation,
-    Provenance,
-    Split,
-    Trajectory,
-)
+from flywheel.records import RECORDING, Episode, Floats, Observation, Provenance, Split, Trajectory
 from flywheel.reports.pictures import as_file
 from flywheel.robots import GRAVITY, Robot, read_robot
 from flywheel.training import Trainer, TrainingConfig

@@ -10,14 +10,7 @@ from flywheel.control.episode_log import EpisodeLog
 from flywheel.control.protocol import Command, Controller, EpisodeOrder, OnPiece, Piece
 from flywheel.dynamics.plant import MeasurementModel, Plant, Reckoning
 from flywheel.errors import ConfigError, ModelError
-from flywheel.records import (
-    Episode,
-    Floats,
-    Observation,
-    Outcome,
-    State,
-    Trajectory,
-)
+from flywheel.records import Episode, Floats, Observation, Outcome, State, Trajectory
 from flywheel.robots import Robot
 from flywheel.tasks import Task
 

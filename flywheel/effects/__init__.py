@@ -40,13 +40,7 @@ from flywheel.effects.effect import (
     points_late,
 )
 from flywheel.effects.forms import OtherForm
-from flywheel.effects.per_part import (
-    PerPart,
-    alike,
-    at_largest_part,
-    at_same_size,
-    per_part_term,
-)
+from flywheel.effects.per_part import PerPart, alike, at_largest_part, at_same_size, per_part_term
 from flywheel.effects.probes import PROBES
 from flywheel.effects.scales import Scales
 from flywheel.effects.written import WrittenTerm

@@ -12,12 +12,7 @@ from flywheel.errors import ConfigError, RunError
 from flywheel.runtime.pool.interrupts import Interrupted, StopRequest
 from flywheel.runtime.pool.jobs import Group, Job, JobFailed
 from flywheel.runtime.pool.pool import Patience, WorkerPool
-from flywheel.runtime.pool.ray_backend import (
-    Cluster,
-    RayBackend,
-    check_fits,
-    check_reachable,
-)
+from flywheel.runtime.pool.ray_backend import Cluster, RayBackend, check_fits, check_reachable
 from tests.integration.stunt_workers import Stunt, at_work
 
 pytestmark = pytest.mark.ray

@@ -32,11 +32,7 @@ from flywheel.results import RESULT_FILE, Walk
 from flywheel.robot_link import RobotLink, StandInConfig, TranscribedLink
 from flywheel.robot_link.opening import SIMULATED, open_link
 from flywheel.robots import Robot
-from flywheel.runtime.config.run_config import (
-    RunConfig,
-    config_digest,
-    load_config,
-)
+from flywheel.runtime.config.run_config import RunConfig, config_digest, load_config
 from flywheel.runtime.pool.progress import Stage
 from flywheel.runtime.run.folder import RunFolder
 from flywheel.runtime.stages.video import scenery_of

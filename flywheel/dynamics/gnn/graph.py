@@ -20,13 +20,7 @@ from torch import Tensor
 
 from flywheel.dynamics.baselines.attachments import with_attachments
 from flywheel.dynamics.gnn.config import NetworkConfig
-from flywheel.dynamics.gnn.nodes import (
-    anchors,
-    body_nodes,
-    cable_constants,
-    find,
-    node_constants,
-)
+from flywheel.dynamics.gnn.nodes import anchors, body_nodes, cable_constants, find, node_constants
 from flywheel.effects import Scales
 from flywheel.records import Floats
 from flywheel.robots import Attachment, Robot

@@ -10,12 +10,7 @@ from torch import Tensor
 
 from flywheel.dynamics.gnn.attachments import Attachments
 from flywheel.dynamics.gnn.config import NetworkConfig
-from flywheel.dynamics.gnn.features import (
-    FeatureBuilder,
-    GraphFeatures,
-    MechanicalState,
-    turn_back,
-)
+from flywheel.dynamics.gnn.features import FeatureBuilder, GraphFeatures, MechanicalState, turn_back
 from flywheel.dynamics.gnn.graph import RobotGraph
 from flywheel.dynamics.gnn.ground import Ground
 from flywheel.dynamics.gnn.past import PastReader

@@ -11,12 +11,7 @@ import numpy as np
 
 from flywheel.errors import RobotError
 from flywheel.robots.adapt.draft import Certainty, Change, Draft, Element, digits
-from flywheel.robots.mjcf_source import (
-    REFERENCES,
-    compiled,
-    doubled_sensors,
-    without_keyframes,
-)
+from flywheel.robots.mjcf_source import REFERENCES, compiled, doubled_sensors, without_keyframes
 from flywheel.robots.mujoco_warnings import collected_warnings
 
 # In which MuJoCo copies what refers to copies.

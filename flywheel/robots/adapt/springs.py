@@ -5,14 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from copy import deepcopy
 
-from flywheel.robots.adapt.draft import (
-    Certainty,
-    Change,
-    Draft,
-    actuators,
-    digits,
-    fresh_name,
-)
+from flywheel.robots.adapt.draft import Certainty, Change, Draft, actuators, digits, fresh_name
 from flywheel.robots.adapt.proof import apart, certainty_of, evidence_of, refuse_apart
 
 

@@ -36,12 +36,7 @@ from flywheel.robots import Robot, load_robot, read_robot
 from flywheel.run_identity import HOW, RUN_FILE, Begun, Identity, read_begun, write_identity
 from flywheel.runtime.config.loading import yaml_of
 from flywheel.runtime.config.robot_config import STAND_IN_FILE, read_stand_in, write_stand_in
-from flywheel.runtime.config.run_config import (
-    RunConfig,
-    config_digest,
-    decisive,
-    load_config,
-)
+from flywheel.runtime.config.run_config import RunConfig, config_digest, decisive, load_config
 from flywheel.runtime.run.initial_weights import INITIAL_WEIGHTS, SIDE_FILE, initial_weights
 from flywheel.runtime.tracking.pyfunc_model import WEIGHTS
 from flywheel.seals import Seal, file_sha256

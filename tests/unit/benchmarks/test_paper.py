@@ -12,14 +12,7 @@ from benchmarks import tables
 from benchmarks.paper.__main__ import main
 from benchmarks.paper.datasets import RATES, DataSets
 from benchmarks.paper.definition import SIZES, TABLES, Cell, read_table, table_names
-from benchmarks.paper.rows import (
-    CellRow,
-    left_out_table,
-    page,
-    plants_table,
-    result_table,
-    spread,
-)
+from benchmarks.paper.rows import CellRow, left_out_table, page, plants_table, result_table, spread
 from benchmarks.paper.table import Table, publisher
 from benchmarks.paper.worker import settings_digest
 from benchmarks.rows import write_rows

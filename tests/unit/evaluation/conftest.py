@@ -1,13 +1,7 @@
 import numpy as np
 import pytest
 
-from flywheel.records import (
-    Episode,
-    Observation,
-    Provenance,
-    State,
-    Trajectory,
-)
+from flywheel.records import Episode, Observation, Provenance, State, Trajectory
 from flywheel.robots import Attachment, Body, Cable, Robot, TrackedPoint, Winch
 
 

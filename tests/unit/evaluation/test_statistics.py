@@ -3,11 +3,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from flywheel.evaluation import (
-    rotation_error,
-    squared_point_error,
-    squared_position_error,
-)
+from flywheel.evaluation import rotation_error, squared_point_error, squared_position_error
 from flywheel.evaluation.statistics import shows_turn
 from tests import draws
 

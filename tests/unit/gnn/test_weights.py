@@ -19,11 +19,7 @@ from flywheel.dynamics.gnn import (
     save_weights,
     weights_digest,
 )
-from flywheel.dynamics.gnn.weights import (
-    network_from_arrays,
-    read_about,
-    wanted_arrays,
-)
+from flywheel.dynamics.gnn.weights import network_from_arrays, read_about, wanted_arrays
 from flywheel.dynamics.weight_files import arrays_of
 from flywheel.errors import ModelError
 from tests.damage import flip

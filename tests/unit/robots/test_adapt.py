@@ -11,15 +11,7 @@ from flywheel.dynamics.plant import Plant, unseen_axes
 from flywheel.errors import MjcfError
 from flywheel.options import AdaptOptions
 from flywheel.robots import read_robot
-from flywheel.robots.adapt import (
-    ADAPTATIONS,
-    Adapted,
-    Certainty,
-    Change,
-    adapt,
-    adapting,
-    with_key,
-)
+from flywheel.robots.adapt import ADAPTATIONS, Adapted, Certainty, Change, adapt, adapting, with_key
 from flywheel.robots.adapt.draft import Scale
 from flywheel.robots.adapt.proof import ALIKE, apart
 from flywheel.robots.mjcf_source import compiled

@@ -17,11 +17,7 @@ from flywheel.options import ImportOptions
 from flywheel.records import Split
 from flywheel.robots import load_robot
 from flywheel.runtime.config.loading import yaml_of
-from flywheel.runtime.config.run_config import (
-    RunConfig,
-    config_digest,
-    load_config,
-)
+from flywheel.runtime.config.run_config import RunConfig, config_digest, load_config
 from flywheel.runtime.run.folder import RunFolder
 from flywheel.runtime.run.inventory import Inventory
 from flywheel.runtime.run.suitability import check_suits

@@ -11,11 +11,7 @@ from flywheel.errors import ConfigError
 from flywheel.robots import load_robot
 from flywheel.runtime.config.heard import NEEDS
 from flywheel.runtime.config.loading import yaml_of
-from flywheel.runtime.config.run_config import (
-    RunConfig,
-    config_digest,
-    load_config,
-)
+from flywheel.runtime.config.run_config import RunConfig, config_digest, load_config
 from flywheel.runtime.config.shipped import shipped_configs
 
 CONFIGS = Path(__file__).parents[3] / "configs"

@@ -6,13 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from flywheel.errors import ConfigError
 from flywheel.robots import Box
-from flywheel.tasks.distance import (
-    StraightLine,
-    grid_around,
-    in_the_way,
-    near_boxes,
-    shortest_ways,
-)
+from flywheel.tasks.distance import StraightLine, grid_around, in_the_way, near_boxes, shortest_ways
 from tests import draws
 
 

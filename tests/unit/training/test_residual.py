@@ -10,12 +10,7 @@ from flywheel.errors import DataError
 from flywheel.evaluation import ErrorTable
 from flywheel.records import Observation, Past, Trajectory
 from flywheel.robots import load_robot
-from flywheel.training.residual import (
-    ResidualTraining,
-    chosen_share,
-    train_residual,
-    windows_of,
-)
+from flywheel.training.residual import ResidualTraining, chosen_share, train_residual, windows_of
 from flywheel.training.spans import Span, split
 
 PRISM = load_robot("prism3")

@@ -7,16 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flywheel.dynamics.gnn.kernels.compiled import (
-    ONE,
-    SMALL,
-    ZERO,
-    F,
-    Index,
-    asinh,
-    compiled,
-    norm,
-)
+from flywheel.dynamics.gnn.kernels.compiled import ONE, SMALL, ZERO, F, Index, asinh, compiled, norm
 
 _SEEN = np.float32(1.1e-9)  # [m] lengths down to this have a direction
 
