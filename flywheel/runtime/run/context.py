@@ -136,18 +136,15 @@ class Run:
 
     def effects(self, iteration: int) -> Effects:
         """The effects of an iteration's plant, beyond the MJCF."""
-        note = self.folder.diagnosis(self.plant_since(iteration))
-        return self.config.effects if note is None else note.effects
+        return self._plant(iteration)[1]
 
-    def plant_since(self, iteration: int) -> int:
-        """The first iteration with the same plant as this one."""
-        changed = (i for i in range(iteration, 0, -1) if self.changes_plant(i))
-        return next(changed, 0)
-
-    def changes_plant(self, iteration: int) -> bool:
-        """True if a diagnosis before this iteration changed the plant."""
-        note = self.folder.diagnosis(iteration)
-        return note is not None and note.adopted
+    def _plant(self, iteration: int) -> tuple[int, Effects]:
+        """The first iteration with the same plant as this one, and its effects."""
+        for earlier in range(iteration, 0, -1):
+            note = self.folder.diagnosis(earlier)
+            if note is not None and note.adopted:
+                return earlier, note.effects
+        return 0, self.config.effects
 
     def test_episodes(self, iteration: int) -> list[str]:
         """Ids of the simulated test episodes on an iteration's plant.
@@ -155,7 +152,7 @@ class Run:
         These are those of the first collection on the plant, and the closed-loop ones up to the
         iteration.
         """
-        begun = self.plant_since(iteration)
+        begun, _ = self._plant(iteration)
         first = self.store.snapshot(name_of(begun, "mppi"))
         turns = range(begun, iteration + 1)
         plans = [p.id for i in turns for p in evaluation(self.config, i, "mppi")]
