@@ -156,6 +156,10 @@ def test_a_setting_without_an_effect_is_refused_with_what_it_needs(setting, need
     load_config(file, [*more, setting, needs])
 
 
+def test_a_part_that_is_off_may_be_said_to_be():
+    load_config(shipped_configs()["prism3"], ["diagnose.on=false", "residual.on=false"])
+
+
 def test_distances_of_goals_are_heard_where_goals_are_drawn():
     load_config(shipped_configs()["prism3"], ["task.radius=[1, 2]"])
     with pytest.raises(ConfigError, match="task.radius needs"):
