@@ -157,9 +157,9 @@ def runs() -> Table:
 
 def settings() -> Table:
     """The settings of a diagnosis."""
-    from flywheel.diagnosis.settings import Settings, numbers
+    from flywheel.diagnosis.settings import Settings, described, numbers
 
-    rows = [(path, each.value, each.what) for path, each in numbers(Settings()).items()]
+    rows = [(path, value, described(path)) for path, value in numbers(Settings()).items()]
     title = "Settings of a diagnosis (--set SETTING=NUMBER of diagnose, power and design)"
     return table(title, ["setting", "#value", "what"], rows)
 

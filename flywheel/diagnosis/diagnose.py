@@ -181,15 +181,12 @@ def _searched(
         heartbeat.keep((2.0 * held_out + 3.0) * (time.monotonic() - begun))
         known_already = around is not None or discrepancy > 0.0
         heartbeat.phase("score")
-        probes = _probes(fitter.windows.robot)
-        limits = settings.limits
         search = Search(
             fitter,
             library,
-            limits.threshold,
+            settings.limits,
             settings.selection,
-            probes,
-            tolerance=limits.tolerance,
+            _probes(fitter.windows.robot),
             seed=under_test.seed,
             heartbeat=heartbeat,
         )
@@ -204,15 +201,14 @@ def _searched(
         score = partial(search.score_all, fit)
         scored = score() if known_already else heartbeat.in_grace(score)
         if (own := own_errors(fitter, scored.test)) is not None:
-            limits = beyond(limits, own)
-            search = replace(search, threshold=limits.threshold)
+            search = replace(search, limits=beyond(search.limits, own))
             scored = search.ranked(scored)
         heartbeat.phase("search")
         search, models = stepwise(search, scored)
         if len(models) == 1 or heartbeat.stopped():
             break
         around = models[-1].fit.terms
-    return Searched(first, search, models, limits, heartbeat.stopped())
+    return Searched(first, search, models, heartbeat.stopped())
 
 
 def _probes(robot: Robot) -> tuple[Candidate, ...]:
@@ -236,7 +232,7 @@ def _concluded(
     heartbeat: Heartbeat,
 ) -> Diagnosis:
     """Result of a search; only the most important parts if that was interrupted."""
-    search, limits = searched.search, searched.limits
+    search, limits = searched.search, searched.search.limits
     kept_aside = HeldOut(under_test, held_out, search.fitter.windows)
     heartbeat.phase("judge")
     judged = judge_in_time(searched, kept_aside, under_test.seed, heartbeat)

@@ -27,7 +27,6 @@ from flywheel.diagnosis.selection.criterion import promised
 from flywheel.diagnosis.selection.misspecification import is_probe, misspecification, probed
 from flywheel.diagnosis.selection.scores import Linearised, ScoredModel
 from flywheel.diagnosis.selection.search import Search, added
-from flywheel.diagnosis.settings import Limits
 from flywheel.effects import PerPart, Term, at_same_size, taken_apart
 
 EXPLAINED = (Verdict.EFFECT, Verdict.PARTIAL)
@@ -42,14 +41,12 @@ class Searched:
       first: the initial model.
       search: its state.
       models: of it, the first with the uncertain numbers.
-      limits: in force.
       stopped: it was stopped before it ended.
     """
 
     first: Fit
     search: Search
     models: list[ScoredModel]
-    limits: Limits
     stopped: bool = False
 
 
@@ -119,7 +116,7 @@ def judge(searched: Searched, models: list[ScoredModel], instead: Sequence[Fit] 
     laws = [each for each in last.probes if is_probe(each.candidate.effect)]
     law = misspecification(first.fit, last.fit, laws, instead, search.criterion)
     facts = Facts(
-        limits=searched.limits,
+        limits=search.limits,
         answer=answer,
         before=before,
         after=after,
@@ -185,29 +182,27 @@ def with_alternatives(searched: Searched, judged: Judged) -> Judged:
     search, last = searched.search, judged.models[-1].fit
     if judged.verdict not in EXPLAINED:
         return judged
-    margin = searched.limits.equally_good
-    exchange = exchanged(search, judged.models, margin)
+    exchange = exchanged(search, judged.models)
     if model := exchange.shorter(search):
         shorter = judge(searched, [*_before(judged.models, model.fit), model])
         return with_alternatives(searched, without_unsure_effects(searched, shorter))
     known = [fit for fit in exchange.others if not probed(fit.terms)]
-    first, *rivals = sorted([exchange.last, *known], key=partial(_simplest, search, margin))
     instead = [fit for fit in exchange.others if probed(fit.terms)]
-    limit = search.criterion(first) + margin
-    if first is not last or instead:
-        models = judged.models
-        if first is not last:
-            models = [*models[:-1], search.score_all(first)]
-        judged = judge(searched, models, instead)
-        shorter = without_unsure_effects(searched, judged)
-        if shorter is not judged:
-            return with_alternatives(searched, shorter)
-    others = [fit for fit in rivals if search.criterion(fit) < limit]
+    first, *others = sorted([exchange.last, *known], key=partial(_simplest, search))
+    if first is not last:
+        judged = judge(searched, [*judged.models[:-1], search.score_all(first)], instead)
+    elif instead:
+        judged = judge(searched, judged.models, instead)
+    shorter = without_unsure_effects(searched, judged)
+    if shorter is not judged:
+        return with_alternatives(searched, shorter)
+    limit, own = search.criterion(first) + search.limits.equally_good, families(first.terms)
+    others = [fit for fit in others if search.criterion(fit) < limit]
     return replace(
         judged,
         shorter=tuple(model for _, model in exchange.without),
-        rivals=tuple(fit for fit in others if families(fit.terms) != families(first.terms)),
-        forms=tuple(fit for fit in others if families(fit.terms) == families(first.terms)),
+        rivals=tuple(fit for fit in others if families(fit.terms) != own),
+        forms=tuple(fit for fit in others if families(fit.terms) == own),
         exchanged=True,
     )
 
@@ -221,17 +216,17 @@ def with_rivals(searched: Searched, judged: Judged) -> Judged:
     if judged.exchanged or verdict not in (*EXPLAINED, *UNEXPLAINED) or not added(judged.models):
         return judged
     only_twins = verdict not in EXPLAINED or search.heartbeat.stopped()
-    exchange = exchanged(search, judged.models, searched.limits.equally_good, only_twins)
+    exchange = exchanged(search, judged.models, only_twins)
     own = families(judged.models[-1].fit.terms)
     others = [fit for fit in exchange.others if not probed(fit.terms)]
     rivals = tuple(fit for fit in others if families(fit.terms) != own)
     return replace(judged, rivals=rivals, exchanged=True)
 
 
-def _simplest(search: Search, margin: float, fit: Fit) -> float:
+def _simplest(search: Search, fit: Fit) -> float:
     """Criterion of a model; a law outside the library must be clearly better to be used."""
     other = any(term.asked and term.effect.family != term.effect.name for term in fit.terms)
-    return search.criterion(fit) + margin * other
+    return search.criterion(fit) + search.limits.equally_good * other
 
 
 def with_gains(searched: Searched, judged: Judged, held_out: HeldOut) -> Judged:

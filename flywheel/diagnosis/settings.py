@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
+from functools import reduce
 from typing import Any, TypeVar
 
 from flywheel.errors import ConfigError
@@ -233,39 +234,28 @@ class Settings:
     limits: Limits = Limits()
 
 
-@dataclass(frozen=True)
-class Setting:
-    """One setting.
-
-    Attributes:
-      value: of it.
-      what: its description, from the docstring of its record.
-    """
-
-    value: float
-    what: str
-
-
-def numbers(settings: Any, prefix: str = "") -> dict[str, Setting]:
+def numbers(settings: Any, prefix: str = "") -> dict[str, float]:
     """All single numbers of settings, by their paths: "selection.shortlist"."""
-    found: dict[str, Setting] = {}
+    found: dict[str, float] = {}
     for field in fields(settings):
         value, path = getattr(settings, field.name), f"{prefix}{field.name}"
         if is_dataclass(value):
             found |= numbers(value, f"{path}.")
         elif isinstance(value, int | float):
-            found[path] = Setting(value, said_of(field.name, type(settings)))
+            found[path] = value
     return found
+
+
+def described(path: str) -> str:
+    """The description of a setting, from the docstring of its record."""
+    *records, name = path.split(".")
+    return said_of(name, type(reduce(getattr, records, Settings())))
 
 
 def unusual(settings: Settings) -> dict[str, float]:
     """The changed numbers, by their paths."""
     usual = numbers(Settings())
-    return {
-        path: setting.value
-        for path, setting in numbers(settings).items()
-        if setting.value != usual[path].value
-    }
+    return {path: value for path, value in numbers(settings).items() if value != usual[path]}
 
 
 def changed(settings: S, changes: Mapping[str, float]) -> S:
@@ -281,7 +271,7 @@ def changed(settings: S, changes: Mapping[str, float]) -> S:
     """
     known = numbers(settings)
     for path, number in changes.items():
-        default = lookup(known, path, "setting").value
+        default = lookup(known, path, "setting")
         bounds, whole = (COUNT, "whole ") if isinstance(default, int) else (NUMBER, "")
         if number not in bounds or (whole and number != int(number)):
             raise ConfigError(f"{path} must be a {whole}number {bounds}; got {number:g}.")

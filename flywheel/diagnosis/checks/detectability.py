@@ -26,7 +26,7 @@ def detectable(fitter: Fitter, model: ScoredModel, rng: np.random.Generator) -> 
     test, fit = model.test, model.fit
     local = fit.local + SHIFT * _deviation(fitter, model, rng)
     there = fitter.with_local(fit, local)
-    own = [test.slices[test.candidates.index(s.candidate)][s.shape] for s in model.scores]
+    own = [test.slice_of(score) for score in model.scores]
     shorter = np.array([test.shorter[columns].all() for columns in own])
     smallest = np.array([score.smallest for score in model.scores])
     for part, chosen in ((1.0, np.flatnonzero(~shorter)), (PART, np.flatnonzero(shorter))):

@@ -90,7 +90,7 @@ def fitted_starts(
     if stuck.any() and not stuck.all():
         fitter, fit = fitted_in(fitter.windows.without(stuck))
     some, limits = candidates(plant.robot, {ANY: EFFECTS[ANY]}), settings.limits
-    search = Search(fitter, some, limits.threshold, settings.selection, seed=seed)
+    search = Search(fitter, some, limits, settings.selection, seed=seed)
     model = search.score_all(fit)
     left = adequacy(fitter, fit, model.test, model.by_value)
     only = only_noise(replace(limits, max_residual_variance=LOUD), left)

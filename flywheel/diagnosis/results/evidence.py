@@ -132,7 +132,7 @@ def _likeness(
     chosen, directions = [], []
     further = [s for s in model.scores[RIVALS:] if any(s.proposes(term) for term in named)]
     for score in (*model.scores[:RIVALS], *further):
-        columns = test.columns_of(score.candidate, score.shape)
+        columns = test.columns[:, test.slice_of(score)]
         weights = np.array(score.sizes) if any(score.sizes) else np.ones(columns.shape[1])
         direction = columns @ weights
         norm = np.linalg.norm(direction)

@@ -45,7 +45,7 @@ class ExchangedModels:
 
 
 def exchanged(
-    search: Search, models: Sequence[ScoredModel], margin: float, only_twins: bool = False
+    search: Search, models: Sequence[ScoredModel], only_twins: bool = False
 ) -> ExchangedModels:
     """The last model of a search, and equally good alternatives.
 
@@ -55,9 +55,9 @@ def exchanged(
 
     Args:
       search, models: so far.
-      margin: difference of the criteria up to which a model is as good.
       only_twins: fit only those that predict the same with the same values.
     """
+    margin = search.limits.equally_good
     last = models[-1].fit
     found: list[Fit] = []
     shorter: list[tuple[Term, ScoredModel]] = []
@@ -70,7 +70,8 @@ def exchanged(
             found += _in_place(search, last, term, near, margin, only_twins)
     for fit in found:
         if search.criterion(fit) < search.criterion(last):
-            last = _from_its_initial_states(search, last, fit)
+            begun = search.refitted(fit, last.terms, search.criterion(last))
+            last = search.fit_until(search.fitter.best_of(last, begun))
     return ExchangedModels(last, tuple(found), tuple(shorter))
 
 
@@ -117,7 +118,7 @@ def _in_place(
     term: Term,
     scores: Sequence[Score],
     margin: float,
-    only_twins: bool = False,
+    only_twins: bool,
 ) -> list[Fit]:
     """Equally good models with a candidate in place of a term."""
     others, limit = without(last.terms, term), search.criterion(last) + margin
@@ -150,15 +151,9 @@ def _twin(search: Search, fit: Fit, term: Term, score: Score) -> Fit | None:
 
     Two fits of one model may differ by more than a margin; twins need none.
     """
-    effect, place = score.candidate.effect, score.candidate.place
-    if len(effect.parameters) != len(term.values) or not score.candidate.allows(term.values):
+    candidate, values = score.candidate, term.values
+    if len(candidate.effect.parameters) != len(values) or not candidate.allows(values):
         return None
-    terms = (*without(fit.terms, term), Term(effect, place, term.values))
-    twin = search.fitter.with_terms(fit, terms)
+    twin_term = Term(candidate.effect, candidate.place, values)
+    twin = search.fitter.with_terms(fit, (*without(fit.terms, term), twin_term))
     return twin if abs(twin.cost - fit.cost) < TWINS * fit.cost else None
-
-
-def _from_its_initial_states(search: Search, fit: Fit, other: Fit) -> Fit:
-    """A fit, restarted from another model's initial states if those suit its windows better."""
-    found = search.refitted(other, fit.terms, search.criterion(fit))
-    return search.fit_until(search.fitter.best_of(fit, found))

@@ -22,18 +22,6 @@ from flywheel.diagnosis.fitting.projection import Projection
 from flywheel.diagnosis.selection.scores import Linearised
 
 
-def criterion(fit: Fit, measurements: int) -> float:
-    """The criterion of a fitted model, the less the better [sigma^2].
-
-    Args:
-      fit: of the model.
-      measurements: number of noisy ones.
-    """
-    values = sum(term.unknown for term in fit.terms)
-    price = sum(term.price for term in fit.terms)
-    return fit.cost + values * float(np.log(measurements)) + price
-
-
 @dataclass(frozen=True)
 class Promise:
     """Promise of terms with a prior on top of a model.

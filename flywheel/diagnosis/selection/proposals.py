@@ -119,7 +119,7 @@ def promising_pairs(test: ScoreTest, scores: Sequence[Score], more: float) -> li
     every, best = np.arange(len(right)), more * scores[0].statistic + test.threshold
     found: list[Terms] = []
     for pair in combinations(scores, 2):
-        where = [every[test.slices[test.candidates.index(s.candidate)][s.shape]] for s in pair]
+        where = [every[test.slice_of(score)] for score in pair]
         both = np.concatenate(where)
         a, b = gram[np.ix_(both, both)], right[both]
         if np.linalg.cond(a) > SINGULAR:

@@ -114,9 +114,9 @@ class ScoreTest:
         own, left = (each(residual[..., None])[:, 0] for each in (self.projection, self.whole))
         return replace(self, residual=own, left=left)
 
-    def columns_of(self, candidate: Candidate, shape: int) -> Floats:
-        """(N, d) of every size of a candidate of this shape."""
-        return self.columns[:, self.slices[self.candidates.index(candidate)][shape]]
+    def slice_of(self, score: Score) -> slice:
+        """The columns of a score's candidate, in its shape."""
+        return self.slices[self.candidates.index(score.candidate)][score.shape]
 
     def scores(self) -> list[Score]:
         """The score of every candidate, in order."""
@@ -219,9 +219,9 @@ def solved(a: Floats, b: Floats, parameters: Sequence[Parameter]) -> tuple[Float
     return sizes, float(b @ sizes)
 
 
-def secants(fitter: Fitter, fit: Fit, chosen: Sequence[Candidate], part: float = 1.0) -> Floats:
+def secants(fitter: Fitter, fit: Fit, library: Sequence[Candidate], part: float = 1.0) -> Floats:
     """(K, D, n) change by that part of every typical size of every shape, per typical size."""
-    terms = [(*fit.terms, term) for c in chosen for term in c.unit_terms(part)]
+    terms = [(*fit.terms, term) for each in library for term in each.unit_terms(part)]
     return fitter.columns(fit, terms) / part
 
 

@@ -13,14 +13,14 @@ from flywheel.diagnosis.fitting.nuisance import as_said, asked, shaken_terms
 from flywheel.diagnosis.fitting.stopping import out_of_reach
 from flywheel.diagnosis.heartbeat import Heartbeat
 from flywheel.diagnosis.selection.candidates import Candidate, places
-from flywheel.diagnosis.selection.criterion import Promise, criterion, promised
+from flywheel.diagnosis.selection.criterion import Promise, promised
 from flywheel.diagnosis.selection.scores import (
     Linearised,
     Score,
     ScoredModel,
     score_test,
 )
-from flywheel.diagnosis.settings import SelectionSettings
+from flywheel.diagnosis.settings import Limits, SelectionSettings
 from flywheel.diagnosis.statistics import chance
 from flywheel.effects import Term, Terms, handed_back, handed_over
 
@@ -38,25 +38,28 @@ class Search:
     Attributes:
       fitter: of the windows; a later state may have one with shorter time steps.
       library: candidates.
-      threshold: score from which an effect counts as visible.
+      limits: in force; a trained model's own errors raise them.
       settings: of the diagnosis.
       probes: laws that are scored like candidates, and never added.
       as_built: numbers of the robot that may all be slightly off, added if they explain more than
         any effect; none if not requested.
-      tolerance: accepted residual beyond noise [m].
       seed: of random numbers.
       heartbeat: receives the steps; knows the time limit, and failures.
     """
 
     fitter: Fitter
     library: tuple[Candidate, ...]
-    threshold: float
+    limits: Limits = Limits()
     settings: SelectionSettings = SelectionSettings()
     probes: tuple[Candidate, ...] = ()
     as_built: Terms = ()
-    tolerance: float = 0.0
     seed: int = 0
     heartbeat: Heartbeat = field(default_factory=Heartbeat)
+
+    @property
+    def threshold(self) -> float:
+        """Score from which an effect counts as visible."""
+        return self.limits.threshold
 
     def linearised(self, fit: Fit, jacobian: Jacobian | None = None) -> Linearised:
         """A model with its sensitivities; its Jacobian may be available."""
@@ -90,12 +93,15 @@ class Search:
         return replace(model, test=test, scores=tuple(ranking), probes=tuple(scores[count:]))
 
     def tolerates(self, model: ScoredModel) -> bool:
-        """True if the residual of a model is within the tolerance."""
-        return self.tolerance > 0.0 and model.test.beyond_noise(self.fitter) <= self.tolerance
+        """True if the residual of a model beyond noise is within the tolerance."""
+        most = self.limits.tolerance
+        return most > 0.0 and model.test.beyond_noise(self.fitter) <= most
 
     def criterion(self, fit: Fit) -> float:
-        """The criterion by which models are compared, the less the better [sigma^2]."""
-        return criterion(fit, int(self.fitter.windows.noisy.sum()))
+        """The number by which models are compared, the less the better [sigma^2]; see `criterion`."""
+        values = sum(term.unknown for term in fit.terms)
+        price = sum(term.price for term in fit.terms)
+        return fit.cost + values * float(np.log(self.fitter.windows.noisy.sum())) + price
 
     def fit_until(
         self, fit: Fit, target: float = np.inf, max_rounds: float | None = None, slight: float = 0.0

@@ -78,7 +78,7 @@ def _in_shortest_steps(
 
 def in_time_steps(search: Search, fit: Fit) -> tuple[Search, Fit]:
     """A fit in sufficiently short time steps, continued if they differ."""
-    finer, fit = _in_shorter_steps(search, fit)
+    finer, (fit,) = _in_shorter_steps(search, fit)
     return (finer, fit) if finer is search else (finer, finer.unstuck(finer.fit_until(fit)))
 
 
@@ -236,11 +236,11 @@ def _next(search: Search, model: ScoredModel, room: int) -> tuple[Search, Fit | 
     """The model with another effect, or two if there is `room`, fitted; None if none is visible."""
     heartbeat = search.heartbeat
     started = [(*model.fit.terms, *terms) for terms in proposals(search, model, room)]
-    begun = deduplicated(heartbeat.each(partial(search.warm_start, model), started, _names))
+    begun = deduplicated(heartbeat.each(partial(search.warm_start, model), started, _fitting))
     if model.fit.kept is not None:
-        begun = heartbeat.each(search.effects_first, begun, _named)
+        begun = heartbeat.each(search.effects_first, begun, _fitting)
     begun = _with_sensitivities_of_best(search, begun)
-    fits = heartbeat.each(search.after_rounds, begun, _named)
+    fits = heartbeat.each(search.after_rounds, begun, _fitting)
     if not fits:
         return search, None
     fits = _with_sensitivities_of_best(search, fits)
@@ -249,13 +249,10 @@ def _next(search: Search, model: ScoredModel, room: int) -> tuple[Search, Fit | 
     return search, heartbeat.spared(less, first, "models without an effect")
 
 
-def _names(terms: Terms) -> str:
+def _fitting(model: Fit | Terms) -> str:
     """The effects that are being fitted, for people."""
+    terms = model.terms if isinstance(model, Fit) else model
     return "fitting " + ", ".join(dict.fromkeys(term.effect.name for term in asked(terms)))
-
-
-def _named(fit: Fit) -> str:
-    return _names(fit.terms)
 
 
 def _with_sensitivities_of_best(search: Search, fits: Sequence[Fit]) -> list[Fit]:
@@ -280,37 +277,32 @@ def _fitted_in_turn(search: Search, begun: Sequence[Fit]) -> tuple[Search, list[
     favourite, *others = deduplicated(begun)
     if any(search.criterion(fit) < search.criterion(favourite) for fit in others):
         favourite = search.fitter.restarted(favourite, Restart())
-        search, (favourite, *others) = _in_steps_of_the_first(search, favourite, others)
+        search, (favourite, *others) = _in_shorter_steps(search, favourite, others)
     first, *others = sorted((favourite, *others), key=search.criterion)
-    search, (first, *others) = _in_steps_of_the_first(search, first, others)
+    search, (first, *others) = _in_shorter_steps(search, first, others)
     slight = search.fitter.settings.stopping.slight_fall
     ended: list[Fit] = []
     for fit in (first, *others):
         target = min(map(search.criterion, ended), default=math.inf)
         on = partial(search.fit_until, target=target, slight=slight)
-        ended += search.heartbeat.each(on, [fit], _named)
+        ended += search.heartbeat.each(on, [fit], _fitting)
     best, *beaten = sorted(ended, key=search.criterion)
     search, best = in_time_steps(search, search.unstuck(best))
     return search, [search.fit_until(best), *beaten]
 
 
-def _in_steps_of_the_first(
-    search: Search, first: Fit, others: Sequence[Fit]
+def _in_shorter_steps(
+    search: Search, first: Fit, others: Sequence[Fit] = ()
 ) -> tuple[Search, list[Fit]]:
-    """Models in sufficiently short time steps for the first: discontinuities of coarse ones may
-    decide otherwise.
+    """Models in sufficiently short time steps for the first, which are those of all fits from here on.
+
+    Discontinuities of coarse ones may decide between models otherwise, and without its present effect
+    the benefit of shorter steps would be invisible.
     """
-    finer, first = _in_shorter_steps(search, first)
-    if finer is search:
+    before = search.fitter
+    fitter, first = shorter_steps(before, first, before.free(first.terms))
+    if fitter is before:
         return search, [first, *others]
-    changed = search.fitter.time_steps != finer.fitter.time_steps
-    return finer, [first, *(in_other_steps(finer.fitter, fit, changed) for fit in others)]
-
-
-def _in_shorter_steps(search: Search, fit: Fit) -> tuple[Search, Fit]:
-    """A fit in sufficiently short time steps, which are those of all fits from here on.
-
-    Without its present effect, the benefit of shorter steps would be invisible.
-    """
-    fitter, fit = shorter_steps(search.fitter, fit, search.fitter.free(fit.terms))
-    return (search if fitter is search.fitter else replace(search, fitter=fitter)), fit
+    changed = before.time_steps != fitter.time_steps
+    there = (in_other_steps(fitter, fit, changed) for fit in others)
+    return replace(search, fitter=fitter), [first, *there]

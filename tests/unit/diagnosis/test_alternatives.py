@@ -61,7 +61,7 @@ def test_of_alternatives_that_are_one_by_several_names_one_is_fitted(
 ) -> None:
     names = ("command_delay", "sensor_latency")
     library = candidates(robot, {name: EFFECTS[name] for name in (*names, "winch_gain")})
-    search = Search(fitter, library, 25.0)
+    search = Search(fitter, library)
     found = Term(EFFECTS["winch_gain"], None, (0.05,))
     last = fitter.with_terms(fitted(fitter, rounds=1), (found,))
     late = float(np.random.default_rng(seed).uniform(0.005, 0.03))
@@ -77,7 +77,7 @@ def test_of_alternatives_that_are_one_by_several_names_one_is_fitted(
         return fit
 
     monkeypatch.setattr(Search, "fit_until", fit_until)
-    as_good = alternatives._in_place(search, last, found, scores, margin=np.inf)
+    as_good = alternatives._in_place(search, last, found, scores, np.inf, False)
     assert fitted_on == [scores[0].candidate.effect.name], seed
     assert {fit.terms[-1].effect.name for fit in as_good} == {*names}, seed
     assert as_good[0].cost == pytest.approx(as_good[1].cost, rel=1e-6), seed
@@ -92,10 +92,10 @@ def test_of_two_effects_that_predict_the_same_an_answer_names_both_whatever_else
     late = Term(EFFECTS["command_delay"], None, (0.03,))
     log = recorded(robot, (late,), seed)
     fitter = fitter_of(Windows.cut(robot, [log], seconds=0.4), Plant(robot))
-    search = Search(fitter, candidates(robot, {name: EFFECTS[name] for name in names}), 25.0)
+    search = Search(fitter, candidates(robot, {name: EFFECTS[name] for name in names}))
     first = search.score_all(fitter.first_estimate())
     last = search.score_all(fitter.with_terms(first.fit, (late,)))
-    searched: Any = SimpleNamespace(search=search, limits=SimpleNamespace(equally_good=10.0))
+    searched: Any = SimpleNamespace(search=search)
     begun = conclusion.Judged([first, last], (), facts_of(verdict))
     assert begun.verdict is verdict
     (rival,) = conclusion.with_rivals(searched, begun).rivals
@@ -109,7 +109,7 @@ def test_of_two_effects_that_predict_the_same_an_answer_names_both_whatever_else
 def test_values_that_another_effect_cannot_have_make_no_twin(robot, fitter, seed):
     """A gain may be negative, a delay not."""
     (late,) = candidates(robot, {"command_delay": EFFECTS["command_delay"]})
-    search = Search(fitter, (late,), 25.0)
+    search = Search(fitter, (late,))
     gain = Term(EFFECTS["winch_gain"], None, (-0.05,))
     last = fitter.with_terms(fitter.first_estimate(), (gain,))
     score: Any = SimpleNamespace(candidate=late, sizes=(0.01,), shape=0)
@@ -119,7 +119,7 @@ def test_values_that_another_effect_cannot_have_make_no_twin(robot, fitter, seed
 @pytest.mark.parametrize(("costs", "left"), [((130.0, 124.0), 1), ((130.0, 126.0), None)])
 def test_an_effect_goes_that_turns_out_not_to_be_needed(fitter, costs, left):
     """With the better initial states that were found meanwhile; each has to explain 25 here."""
-    search = Search(fitter, (), 25.0)
+    search = Search(fitter, ())
     terms = tuple(Term(EFFECTS[n], None, (0.1,)) for n in ("winch_gain", "cable_friction"))
     last = replace(fitter.first_estimate(), cost=100.0)
     models: list[Any] = [SimpleNamespace(fit=replace(last, cost=cost)) for cost in costs]
@@ -147,9 +147,7 @@ def test_an_answer_is_judged_without_what_is_not_needed(monkeypatch: pytest.Monk
 
     monkeypatch.setattr(conclusion, "exchanged", lambda *_: next(exchanges))
     monkeypatch.setattr(conclusion, "judge", judge)
-    searched: Any = SimpleNamespace(
-        search=SimpleNamespace(criterion=None), limits=SimpleNamespace(equally_good=1.0)
-    )
+    searched: Any = SimpleNamespace(search=None)
     begun: Any = SimpleNamespace(models=[first, other, last], verdict=Verdict.EFFECT)
     concluded = conclusion.with_alternatives(searched, begun)
     assert judged == [[first, shorter]]
@@ -175,7 +173,7 @@ def test_a_shortened_answer_loses_what_is_not_shown_in_it(monkeypatch: pytest.Mo
         fit_until=lambda fit: fit,
         score_all=lambda fit: model_of(*fit.terms),
     )
-    searched: Any = SimpleNamespace(search=search, limits=SimpleNamespace(equally_good=1.0))
+    searched: Any = SimpleNamespace(search=search)
     models = [model_of(), model_of(a), model_of(a, b, c)]
     begun: Any = SimpleNamespace(models=models, verdict=Verdict.EFFECT)
     concluded = conclusion.with_alternatives(searched, begun)
@@ -233,7 +231,7 @@ def test_where_a_model_is_wrong_anyway_an_effect_has_to_gain_something_elsewhere
         scored=lambda model: model,
         share=lambda fit, less, term: share if term is terms["b"] else 9.0,
     )
-    searched: Any = SimpleNamespace(search=search, limits=SimpleNamespace(least_share=0.1))
+    searched: Any = SimpleNamespace(search=search)
     models = [model(), model("a"), model("a", "b")]
     begun = replace(judge(None, models), shorter=(model("b"),))
     judged = conclusion.with_gains(searched, begun, None)

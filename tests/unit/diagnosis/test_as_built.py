@@ -103,7 +103,7 @@ def begun(robot: Robot) -> tuple[Search, ScoredModel]:
     (log,) = logs_of(robot, (numbers, hidden))[:1]
     fitter, first = ModelUnderTest(Plant(robot), None, 0).fitted([log])
     library = candidates(robot, {name: EFFECTS[name] for name in ("cable_friction", "capstan")})
-    search = Search(fitter, library, threshold=25.0, as_built=as_built_terms(robot))
+    search = Search(fitter, library, as_built=as_built_terms(robot))
     fit = fitter.keeping(fitter.with_terms(first, search.as_built), search.as_built)
     return search, search.score_all(fit)
 
@@ -153,7 +153,7 @@ def test_fits_are_shaken_by_the_seed_of_the_diagnosis(monkeypatch: pytest.Monkey
     monkeypatch.setattr("flywheel.diagnosis.selection.search.shaken_terms", shaken)
     for seed in (0, 0, 1):
         found.append([])
-        Search(cast(Fitter, fitter), (), 25.0, seed=seed).settled(cast(Fit, fit))
+        Search(cast(Fitter, fitter), (), seed=seed).settled(cast(Fit, fit))
     assert found[0] == found[1] and not set(found[0]) & set(found[2])
 
 

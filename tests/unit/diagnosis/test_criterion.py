@@ -1,6 +1,7 @@
 """The one number by which models are compared."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from scipy.linalg import block_diag
 
 from flywheel.diagnosis.fitting.model import fitted
 from flywheel.diagnosis.selection.candidates import candidates
-from flywheel.diagnosis.selection.criterion import criterion, promised
+from flywheel.diagnosis.selection.criterion import promised
 from flywheel.diagnosis.selection.search import Search
 from flywheel.effects import EFFECTS, Term, alike, at_same_size, per_part_term
 
@@ -23,17 +24,17 @@ def test_a_model_pays_for_its_values_and_for_what_is_known_of_the_others(fitter)
         Term(EFFECTS["capstan"], None, (0.0,), (0.1,), price=4.0),
     )
     fit = replace(fitter.first_estimate(), terms=terms, cost=100.0)
-    expected = 100.0 + 2 * np.log(500) + 3.0 + 4.0
-    assert criterion(fit, 500) == pytest.approx(expected)
-    search = Search(fitter, (), 25.0)
-    assert search.criterion(fit) == pytest.approx(criterion(fit, fitter.windows.noisy.sum()))
+    noisy = np.zeros_like(fitter.windows.measured, bool)
+    noisy.flat[:500] = True
+    search = Search(SimpleNamespace(windows=SimpleNamespace(noisy=noisy)), ())
+    assert search.criterion(fit) == pytest.approx(100.0 + 2 * np.log(500) + 3.0 + 4.0)
 
 
 @pytest.mark.parametrize("share", [0.5, 1.0])
 def test_sizes_of_parts_promise_what_is_explained_minus_their_determinant(robot, fitter, share):
     """As computed from whole covariances of the measurements; the price stays with the term."""
     (candidate,) = candidates(robot, {"cable_friction": EFFECTS["cable_friction"]})
-    search = Search(fitter, (candidate,), 25.0)
+    search = Search(fitter, (candidate,))
     model = search.score_all(fitted(fitter, rounds=1))
     term = per_part_term(candidate.term((5.0,)), robot, 0.5)
     assert term is not None

@@ -21,7 +21,7 @@ NAMES = ("winch_gain", "slope", "contact_softness", "payload", "creep")  # which
 @pytest.fixture(scope="module")
 def model(robot: Robot, fitter: PlantFitter) -> ScoredModel:
     library = candidates(robot, {name: EFFECTS[name] for name in NAMES})
-    return Search(fitter, library, 25.0).score_all(fitted(fitter, rounds=2))
+    return Search(fitter, library).score_all(fitted(fitter, rounds=2))
 
 
 def test_what_others_have_in_common_is_a_share() -> None:

@@ -179,7 +179,7 @@ def test_a_rival_of_any_number_of_sizes_and_shapes_takes_the_place_of_an_effect(
     fitter = fitter_of(windows, Plant(robot))
     fit = fitter.first_estimate((hidden,))
     (rival,) = candidates(robot, {"two_ways": TwoWays()})
-    search = Search(fitter, (rival,), 25.0)
+    search = Search(fitter, (rival,))
     (term,) = module._exchanged(search, fit, hidden, rival)
     constant, damping, speed = term.values
     assert damping == pytest.approx(hidden.values[0], rel=1e-3), seed

@@ -86,7 +86,7 @@ def test_its_own_errors_are_far_above_the_noise_and_are_not_taken_for_an_effect(
 ) -> None:
     fit = fitter.first_estimate()
     assert fitter.rms(fit) > 3 * fitter.windows.sigma, seed
-    scored = Search(fitter, candidates(robot, FEW), 25.0).score_all(fit)
+    scored = Search(fitter, candidates(robot, FEW)).score_all(fit)
     own = own_errors(fitter, scored.test)
     assert own is not None
     assert scored.test.noise < 1.5 * max(1.0, own.noise), seed
@@ -156,7 +156,7 @@ def test_what_is_hidden_is_found_and_what_is_not_is_not(robot, model, seed, shar
 
 
 def test_a_network_is_not_screened(robot, fitter, monkeypatch):
-    search = Search(fitter, candidates(robot, FEW), 25.0)
+    search = Search(fitter, candidates(robot, FEW))
     scored = search.score_all(fitter.first_estimate())
     scores = tuple(replace(score, statistic=1.0) for score in scored.scores)
     fit = replace(scored.fit, cost=10.0 * fitter.freedom)

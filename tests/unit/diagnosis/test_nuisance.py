@@ -89,7 +89,7 @@ def test_a_number_that_made_up_for_what_was_missing_is_left_behind(robot: Robot,
     fitter = fitter_of(windows, Plant(robot))
     (unsure,) = unsure_terms({"cable_stiffness": 0.05})
     (candidate,) = candidates(robot, {"winch_gain": EFFECTS["winch_gain"]})
-    search = Search(fitter, (candidate,), 25.0)
+    search = Search(fitter, (candidate,))
     misled = search.score_all(fitted(fitter, (replace(unsure, values=(1.5,)),), rounds=2))
     terms = (*misled.fit.terms, candidate.term((2.5,)))
     free = fitter.free(terms)

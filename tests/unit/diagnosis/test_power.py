@@ -87,7 +87,7 @@ def test_an_effect_above_the_smallest_size_is_seen_and_one_far_below_is_not(
     measured = truth + np.random.default_rng(seed).normal(0, noise, truth.shape)
     log = Trajectory(Observation(measured, hidden.observations.winch[:81]), controls, hidden.dt)
     fitter = fitter_of(Windows.cut(robot, [log], sigma=noise), Plant(robot))
-    search = Search(fitter, candidates(robot, gain), threshold=25.0)
+    search = Search(fitter, candidates(robot, gain))
     (after,) = search.score_all(fitted(fitter)).scores
     assert (after.score >= search.threshold) == seen, (seed, after.score)
 
@@ -206,7 +206,7 @@ def test_load_cells_show_what_a_recording_with_them_shows(
     seen = Observation(points, plant.winch(motion.states)[0])
     log = Trajectory(seen, controls, hidden.dt, channels=channels)
     fitter = fitter_of(Windows.cut(robot, [log], sigma=noise), plant)
-    search = Search(fitter, candidates(robot, stiffness), threshold=25.0)
+    search = Search(fitter, candidates(robot, stiffness))
     (after,) = search.score_all(fitted(fitter)).scores
     assert told.smallest == pytest.approx(after.smallest, rel=0.3), seed
 

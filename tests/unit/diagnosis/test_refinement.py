@@ -98,7 +98,7 @@ def test_steps_are_halved_where_a_fall_asks_for_it(robot: Robot, seed: int) -> N
 def test_steps_are_asked_for_again_once_there_is_a_model(robot: Robot, seed: int) -> None:
     own = fitter_for(robot, seed, TIMES)
     before = own.fit(own.first_estimate())
-    search, (after,) = _fitted_in_turn(Search(own, (), 25.0), [before])
+    search, (after,) = _fitted_in_turn(Search(own, ()), [before])
     shorter = search.fitter.time_steps < robot.timestep
     assert shorter.any(), seed
     assert own.time_steps.tolist() == [robot.timestep] * FALLS * 2
@@ -121,7 +121,7 @@ def test_models_are_compared_in_the_time_steps_that_the_first_one_asks_for(
         return fit
 
     monkeypatch.setattr(Search, "fit_until", fit_until)
-    _fitted_in_turn(Search(own, (), 25.0), [first, other])
+    _fitted_in_turn(Search(own, ()), [first, other])
     for fitter, fit in begun[:2]:
         assert (fitter.time_steps < robot.timestep).any(), seed
         again = fitter.with_terms(fit, fit.terms)
@@ -220,7 +220,7 @@ def search_of(robot: Robot, seed: int, plant: Plant, terms: Terms = ()) -> Searc
     """For a fall whose noise is said to be so loud that the plant's own steps will do."""
     log = fallen(robot, seed, TIMES, terms)
     windows = Windows.cut(robot, [log], seconds=0.4, sigma=5.0 * NOISE * robot.length)
-    return Search(fitter_of(windows, plant), candidates(robot, {"slope": EFFECTS["slope"]}), 25.0)
+    return Search(fitter_of(windows, plant), candidates(robot, {"slope": EFFECTS["slope"]}))
 
 
 @pytest.mark.slow

@@ -473,7 +473,7 @@ def test_a_model_is_ranked_anew_where_the_threshold_has_risen(case: Case) -> Non
     model = ScoredModel(
         case.fit, jacobian, np.zeros((WINDOWS, COORDINATES, 0)), case.test(), (), ()
     )
-    found = Search(case.model, case.library, threshold=36.0).ranked(model)
+    found = Search(case.model, case.library, Limits(threshold=36.0)).ranked(model)
     strict = case.test(threshold=36.0).scores()
     assert list(found.scores) == sorted(strict, key=lambda score: -score.score)
 

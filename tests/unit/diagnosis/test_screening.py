@@ -40,7 +40,7 @@ def misled(robot: Robot, library: tuple[Candidate, ...], seed: int, sign: float)
     hidden = (Term(EFFECTS["winch_gain"], None, (0.3 * sign,)),)
     windows = Windows.cut(robot, [recorded(robot, hidden, seed)], seconds=0.4)
     fitter = fitter_of(windows, Plant(robot))
-    search = Search(fitter, library, 25.0)
+    search = Search(fitter, library)
     model = search.score_all(fitted(fitter, rounds=2))
     return search, replace(model, scores=tuple(replace(s, statistic=1.0) for s in model.scores))
 

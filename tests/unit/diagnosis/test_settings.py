@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from flywheel.cli.main import app
-from flywheel.diagnosis.settings import Settings, changed, numbers, unusual
+from flywheel.diagnosis.settings import Settings, changed, described, numbers, unusual
 from flywheel.errors import ConfigError, UnknownNameError
 
 
@@ -25,7 +25,7 @@ def test_every_setting_is_said_to_be_something() -> None:
 
 
 def test_each_number_is_listed_with_what_its_docstring_says() -> None:
-    said = {path: setting.what for path, setting in numbers(Settings()).items()}
+    said = {path: described(path) for path in numbers(Settings())}
     assert all(said.values())
     assert said["windows.remnant"] == (
         "fraction of that length below which a recording gives no window if others do."
@@ -37,7 +37,7 @@ def test_a_number_is_changed_and_all_others_stay() -> None:
     before = Settings()
     after = changed(before, {"selection.shortlist": 2.0, "limits.threshold": 36.0})
     was, now = numbers(before), numbers(after)
-    different = {path: now[path].value for path in was if was[path].value != now[path].value}
+    different = {path: now[path] for path in was if was[path] != now[path]}
     assert different == {"selection.shortlist": 2, "limits.threshold": 36.0}
     assert isinstance(after.selection.shortlist, int)
     assert before == Settings()

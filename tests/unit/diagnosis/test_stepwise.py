@@ -31,7 +31,7 @@ STEPWISE = "flywheel.diagnosis.selection.stepwise"
 
 def test_a_model_does_not_begin_where_another_one_was_led_astray(robot, fitter, seed):
     (candidate,) = candidates(robot, {"winch_gain": NAMED["winch_gain"]})
-    search = Search(fitter, (candidate,), 25.0)
+    search = Search(fitter, (candidate,))
     model = search.score_all(fitted(fitter, rounds=1))
     rng, local = np.random.default_rng(seed), model.fit.local
     bent = local + 3.0 * fitter.local_prior * rng.choice([-1.0, 1.0], local.shape)
@@ -72,7 +72,7 @@ def test_nothing_is_added_that_explains_next_to_nothing_of_what_is_left(robot, s
     models = {}
     for name, recording in (("right", right), ("wrong", wrong)):
         fitter = fitter_of(Windows.cut(robot, [recording], seconds=0.4), Plant(robot))
-        models[name] = Search(fitter, library, 25.0).score_all(fitted(fitter))
+        models[name] = Search(fitter, library).score_all(fitted(fitter))
     asked = SELECTION.least_share, SELECTION.by_chance
     assert models["right"].promises(*asked), seed
     assert models["right"].scores[0].candidate.effect is gain, seed
@@ -93,7 +93,7 @@ def test_a_model_that_is_clearly_wrong_is_not_fitted_to_the_last_digit(robot, se
             return fit(before, *args, enough=enough, **options)
 
         monkeypatch.setattr(fitter, "fit", spied)
-        Search(fitter, (), 25.0).fit_until(begun)
+        Search(fitter, ()).fit_until(begun)
     assert min(asked["wrong"]) > STOPPING.converged_fall, seed
     assert asked["right"][-1] < 0.1 * min(asked["wrong"]), seed
 
@@ -149,7 +149,7 @@ def test_windows_that_saw_nothing_do_not_silence_those_that_did(robot: Robot, se
     fitter = fitter_of(Windows.cut(robot, [dark], seconds=0.2), Plant(robot))
     assert len(fitter.windows) == 4
     library = candidates(robot, {"winch_gain": NAMED["winch_gain"]})
-    model = Search(fitter, library, 25.0).score_all(fitter.first_estimate())
+    model = Search(fitter, library).score_all(fitter.first_estimate())
     assert model.test.projection.weights[0] == 1.0, seed
     assert model.test.noise > 0.01, seed
 
@@ -164,7 +164,7 @@ def test_a_further_effect_promises_more_than_a_stuck_fit_may_win_by_chance(
     fitter: PlantFitter, robot: Robot, seed: int, stuck: bool
 ) -> None:
     library = candidates(robot, {"winch_gain": NAMED["winch_gain"]})
-    model = Search(fitter, library, 25.0).score_all(fitted(fitter, rounds=2))
+    model = Search(fitter, library).score_all(fitted(fitter, rounds=2))
     statistic = float(np.random.default_rng(seed).uniform(30.0, 90.0))
     score = replace(model.scores[0], statistic=statistic)
     left = statistic * (11.0 if stuck else 9.0)
@@ -189,14 +189,14 @@ def test_of_models_that_are_one_by_several_names_one_is_fitted(robot, fitter, se
         return fit
 
     monkeypatch.setattr(Search, "fit_until", fit_until)
-    _fitted_in_turn(Search(fitter, library, 25.0), models)
+    _fitted_in_turn(Search(fitter, library), models)
     assert "winch_gain" in fitted_on and len({*names[:2]} & {*fitted_on}) == 1, (seed, fitted_on)
 
 
 def test_what_promised_the_most_and_is_not_ahead_begins_elsewhere_first(fitter, seed, monkeypatch):
     ahead, behind = fitted(fitter, rounds=2), fitter.first_estimate()
     assert ahead.cost < behind.cost, seed
-    search, freed = Search(fitter, (), 25.0), replace(ahead, cost=0.5 * ahead.cost)
+    search, freed = Search(fitter, ()), replace(ahead, cost=0.5 * ahead.cost)
     begun: list[Fit] = []
 
     def elsewhere(fit: Fit, _: Restart) -> Fit:
@@ -226,7 +226,7 @@ def test_what_promised_the_most_and_is_not_ahead_is_fitted_in_the_steps_that_it_
     monkeypatch.setattr(fitter, "restarted", lambda fit, _: fit)
     monkeypatch.setattr(Search, "fit_until", lambda _, fit, *__, **___: fit)
     monkeypatch.setattr(f"{STEPWISE}.shorter_steps", shorter)
-    search, (best, _) = _fitted_in_turn(Search(fitter, (), 25.0), [behind, ahead])
+    search, (best, _) = _fitted_in_turn(Search(fitter, ()), [behind, ahead])
     assert best is fits_there and search.fitter is finer
 
 
@@ -265,7 +265,7 @@ def test_a_model_that_is_clearly_wrong_begins_elsewhere_in_its_loudest_window_fi
     monkeypatch.setattr(Search, "fit_until", lambda *_: pytest.fail("nothing has changed"))
     for times_noise in (2.0, 1.0):
         fit = replace(begun, cost=times_noise * fitter.freedom)
-        assert Search(fitter, (), 25.0).unstuck(fit) is fit
+        assert Search(fitter, ()).unstuck(fit) is fit
     assert asked == [1, None]
 
 
@@ -303,14 +303,14 @@ def test_a_model_that_diverges_is_given_up_after_a_round(fitter, monkeypatch):
         return begun
 
     monkeypatch.setattr(fitter, "fit", fit)
-    assert Search(fitter, (), 25.0).fit_until(diverged) is diverged and len(rounds) == 1
+    assert Search(fitter, ()).fit_until(diverged) is diverged and len(rounds) == 1
 
 
 def test_other_values_of_what_a_plant_had_are_an_answer_and_better_initial_states_are_none(
     robot: Robot, fitter: PlantFitter, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (candidate,) = candidates(robot, {"winch_gain": NAMED["winch_gain"]})
-    search = Search(fitter, (candidate,), 25.0)
+    search = Search(fitter, (candidate,))
     plain = search.score_all(fitted(fitter, rounds=1))
     had, half = (candidate.term((0.1,)),), 0.5 * plain.fit.cost
     for terms, fall, expected in ((had, half, 2), (had, 0.1, 1), ((), half, 1)):

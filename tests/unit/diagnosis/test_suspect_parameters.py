@@ -42,7 +42,7 @@ def scored(robot: Robot, seed: int, hidden: Terms = (), had: Terms = (), **scale
     # Some drawn motions tell little of a stiffness or a mass: with little noise, all tell enough.
     log = recorded(robot, hidden, seed, noise=0.0004)
     fitter = fitter_of(Windows.cut(robot, [log], seconds=0.4), told)
-    search = Search(fitter, candidates(robot, FEW), 25.0)
+    search = Search(fitter, candidates(robot, FEW))
     return search, search.score_all(fitted(fitter, had))
 
 
@@ -95,7 +95,7 @@ def test_it_is_compared_with_what_an_effect_explained_not_with_what_scores_promi
 def test_what_is_asked_about_is_not_suspected_as_well(stiffer: Scored) -> None:
     search, model = stiffer
     numbers = candidates(search.fitter.windows.robot, CALIBRATIONS)
-    asking_all = Search(search.fitter, (*search.library, *numbers), 25.0)
+    asking_all = Search(search.fitter, (*search.library, *numbers))
     assert not named(asking_all, model, with_added(model), unexplained=True)
 
 
@@ -123,7 +123,7 @@ def test_it_is_asked_in_the_time_steps_of_the_end(stiffer, monkeypatch):
         return further_scores(fitter, fit, *rest)
 
     monkeypatch.setattr(f"{SUSPECTS}.further_scores", observed)
-    _scores(Search(finer, search.library, 25.0), model)
+    _scores(Search(finer, search.library), model)
     assert costs == [pytest.approx(finer.with_terms(model.fit, model.fit.terms).cost, rel=1e-9)]
     assert costs[0] != pytest.approx(model.fit.cost, rel=1e-9)
 

@@ -57,7 +57,7 @@ def test_a_learned_law_comes_near_the_true_one(robot: Robot, seed: int) -> None:
         log = recorded(robot, HIDDEN, each)
         fitter = fitter_of(Windows.cut(robot, [log], seconds=0.4), Plant(robot))
         fit = fitted(fitter)
-        model = Search(fitter, candidates(robot, FEW), 25.0).score_all(fit)
+        model = Search(fitter, candidates(robot, FEW)).score_all(fit)
         learned = learned_law(fitter, model, each)
         true = fitter.fit(fitter.at(fit.local, fit.initial.winch, HIDDEN))
         learned_falls.append(fit.cost - learned.cost)
@@ -73,7 +73,7 @@ def test_a_learned_law_comes_near_the_true_one(robot: Robot, seed: int) -> None:
 def test_a_law_is_trained_only_while_that_explains_something(robot, seed, monkeypatch):
     log = recorded(robot, HIDDEN, seed)
     fitter = fitter_of(Windows.cut(robot, [log], seconds=0.4), Plant(robot))
-    model = Search(fitter, candidates(robot, FEW), 25.0).score_all(fitted(fitter))
+    model = Search(fitter, candidates(robot, FEW)).score_all(fitted(fitter))
     rounds: list[int] = []
     fit = PlantFitter.fit
     monkeypatch.setattr(PlantFitter, "fit", lambda *a, **k: rounds.append(1) or fit(*a, **k))
@@ -118,7 +118,7 @@ def test_a_marker_that_jumps_is_placed_in_time_and_on_the_robot(robot: Robot, se
     jumped = Trajectory(Observation(moved, log.observations.winch), log.controls, log.dt)
     fitter = fitter_of(Windows.cut(robot, [jumped], seconds=0.4), Plant(robot))
     places = candidates(robot, {"marker_offset": EFFECTS["marker_offset"]})
-    where = localise(fitter, Search(fitter, places, 25.0).score_all(fitted(fitter)).test)
+    where = localise(fitter, Search(fitter, places).score_all(fitted(fitter)).test)
     assert where.point == robot.points[point].name, seed
     # The initial state of the window makes up for part of the jump: not all of its time need stand out.
     shared = min(end, where.end) - max(begin, where.begin)
