@@ -47,15 +47,11 @@ class ExchangedModels:
 def exchanged(
     search: Search, models: Sequence[ScoredModel], only_twins: bool = False
 ) -> ExchangedModels:
-    """The last model of a search, and equally good alternatives.
+    """The last model of a search, and equally good alternatives; `only_twins` predict the same as it.
 
     Each of its effects is replaced by others, and by probes, that scored nearly as well in its
     place. A better model may only have found better initial states: the last one is then fitted
     from them, too.
-
-    Args:
-      search, models: so far.
-      only_twins: fit only those that predict the same with the same values.
     """
     margin = search.limits.equally_good
     last = models[-1].fit
@@ -92,12 +88,9 @@ def model_without(
 ) -> Linearised:
     """A fit without some of its terms: one of the known models, if possible.
 
-    Args:
-      search, known: so far.
-      fit, terms: the fit with the terms, and those.
-      target: criterion from which on the model would be as good. One that was abandoned when it was clearly
-        not the best is fitted further for it: to its end; or, with numbers of a robot as built, whose fits
-        take a minute, until it clearly stays above the target. None for a model as far as it was fitted.
+    With a target, the criterion from which on the model would be as good, one that was abandoned when it
+    was clearly not the best is fitted further: to its end; or, with numbers of a robot as built, whose
+    fits take a minute, until it clearly stays above the target.
     """
     rest = tuple(term for term in fit.terms if term not in terms)
     model = next((m for m in reversed(known) if places(m.fit.terms) == places(rest)), None)

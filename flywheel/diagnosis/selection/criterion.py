@@ -38,13 +38,10 @@ class Promise:
 def promised(
     fitter: Fitter, model: Linearised, begun: Fit, shares: Sequence[float] = (1.0,)
 ) -> Promise:
-    """Promise of the terms that a fit has and a model has not.
+    """Promise of the terms that a fit `begun` from a model has, and the model has not.
 
-    Args:
-      fitter, model: so far.
-      begun: the model's fit with these terms.
-      shares: factors on the standard deviations of their priors, the most likely of which is used (type II
-        maximum likelihood).
+    Of the `shares`, factors on the standard deviations of their priors, the most likely one is used
+    (type II maximum likelihood).
     """
     new = [term not in model.fit.terms for term in begun.terms]
     free = sorted(fitter.free(begun.terms), key=lambda f: new[f.term])

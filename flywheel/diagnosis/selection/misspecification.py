@@ -66,11 +66,7 @@ def misspecification(
 ) -> Misspecification:
     """Laws that explain more than the last model of a search.
 
-    Args:
-      first, last: models of the search.
-      probes: scores on top of the last one.
-      instead: models with a law in place of an effect of the last one.
-      criterion: of a model, the less the better.
+    They are the probes scored on top of it, and those of the models that have one `instead` of an effect.
     """
     if not probes:
         return NONE

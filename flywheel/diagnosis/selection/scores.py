@@ -207,9 +207,7 @@ def slices_of(library: Sequence[Candidate]) -> tuple[tuple[slice, ...], ...]:
 def solved(a: Floats, b: Floats, parameters: Sequence[Parameter]) -> tuple[Floats, float]:
     """Sizes that explain the most, and their explanation; none if one of them cannot be negative.
 
-    Args:
-      a, b: (d, d), (d,) products of sensitivities with each other, and with the residual.
-      parameters: of the sizes.
+    From products (d, d), (d,) of sensitivities with each other, and with the residual.
     """
     if np.linalg.eigvalsh(a)[0] < DEAD**2:
         return np.zeros(len(b)), 0.0
@@ -267,8 +265,6 @@ def score_test(
     """Test candidates on top of a fit.
 
     Args:
-      fitter, fit: the model so far.
-      library: candidates.
       known: (K, D, n) sensitivities of fitted sizes, to be projected out.
       jacobian: of the fit, if available.
       prior: of the last of the `known` sizes: fitted value, and standard deviation around zero, infinite

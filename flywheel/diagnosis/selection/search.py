@@ -112,7 +112,6 @@ class Search:
         after a round is abandoned.
 
         Args:
-          fit: starting point.
           target: criterion to be reached.
           max_rounds: further rounds like the last one, within which it must be; None for the
             settings'.
@@ -246,12 +245,11 @@ class Search:
         return self.threshold * chance(len(term.effect.sizes), self.threshold)
 
     def promised_as_built(self, model: ScoredModel, least: float) -> Promise | None:
-        """Promise of all numbers of a robot, each slightly off, on top of a model.
+        """Promise of all numbers of a robot, each slightly off; None if not asked for, or below the least.
 
-        None if they are no candidates, or in the model, or explain less than that. The tolerances of a robot
-        are not known beforehand: of several fractions of the standard deviations the most likely one is used.
-        With too wide priors the numbers cost more than they explain, and single effects would be named
-        instead.
+        The tolerances of a robot are not known beforehand: of several fractions of the standard deviations
+        the most likely one is used. With too wide priors the numbers cost more than they explain, and
+        single effects would be named instead.
         """
         fitter, fit = self.fitter, model.fit
         if not self.as_built or fit.kept is not None or model.beyond_noise < self.threshold:
