@@ -34,6 +34,10 @@ class ModelError(FlywheelError):
     """A dynamics model that does not fit its robot or data, or has a non-finite prediction."""
 
 
+class WeightsError(ModelError):
+    """Files of weights that are missing or damaged, or belong to another robot or plant."""
+
+
 class LinkError(FlywheelError):
     """A robot that cannot be reached, rejects a request, or gives an invalid answer."""
 

@@ -147,13 +147,14 @@ def ending_of(error: BaseException) -> Ending:
 
 def exit_code(error: Exception) -> int:
     """The exit code for an error of this package."""
-    from flywheel.errors import ModelError, RunError
+    from flywheel.errors import ModelError, RunError, WeightsError
     from flywheel.runtime.pool.interrupts import Interrupted
     from flywheel.runtime.pool.jobs import WorkerDied
 
     if isinstance(error, Interrupted):
         return INTERRUPTED
-    return FAILED if isinstance(error, (RunError, ModelError, WorkerDied)) else USAGE
+    failed = isinstance(error, (RunError, ModelError, WorkerDied))
+    return FAILED if failed and not isinstance(error, WeightsError) else USAGE
 
 
 def _bug(error: BaseException, cause: BaseException) -> str:

@@ -7,13 +7,16 @@ from pathlib import Path
 from typing import Any
 
 from flywheel import __version__
-from flywheel.diagnosis.results.answer import Answer, evidence_of
-from flywheel.effects import NAMED, AdoptedPlant, Effect, WrittenTerm
+from flywheel.diagnosis.results.answer import Answer, FoundEffect, evidence_of
+from flywheel.effects import NAMED, AdoptedPlant, Effect, Scales, Term, WrittenTerm
 from flywheel.effects.adopted import next_version
 from flywheel.effects.own import LawFile, LawReference, check_given, law_files
-from flywheel.errors import ConfigError
+from flywheel.errors import ConfigError, DataError
+from flywheel.quantities import Bounds
 from flywheel.robots import Robot
 from flywheel.seals import file_sha256
+
+ROUNDING = 1e-9  # of a value that ended at a bound of its fit, relative
 
 
 def adopt(
@@ -42,7 +45,7 @@ def adopt(
 
     Raises:
       DataError: there is nothing to adopt, the answer is not clear, or held-out recordings
-        contradict it; the message says how to adopt it anyway.
+        contradict it, and the message says how to adopt it anyway; or no fit gives such values.
       ConfigError, UnknownNameError: impossible values of the effects, or a law file that is missing
         or differs.
     """
@@ -54,6 +57,8 @@ def adopt(
     laws = law_files(term.effect for term in terms)
     _check_same(laws, said.effects_from)
     found = (*said.chosen(answer), *said.calibration)
+    for each, term in zip(found, terms, strict=True):
+        _check_values(each, term, Scales.of(robot))
     plant = AdoptedPlant(
         robot=robot.name,
         digest=robot.digest,
@@ -68,6 +73,21 @@ def adopt(
         },
     )
     return plant.write(folder, robot, laws)
+
+
+def _check_values(found: FoundEffect, term: Term, scales: Scales) -> None:
+    """Check that values are in the units and within the bounds of a fit.
+
+    Raises:
+      DataError: one is not.
+    """
+    for parameter, value in zip(term.effect.parameters, term.values, strict=True):
+        what, usual = f"{parameter.name} of {term.effect.name}", parameter.typical(scales)
+        if (unit := found.parameters[parameter.name].unit) != parameter.unit:
+            raise DataError(f"{what} is in {parameter.unit!r}; the answer has it in {unit!r}.")
+        bounds = Bounds(parameter.low * usual, parameter.high * usual, parameter.unit.strip("-"))
+        if not parameter.low <= value / usual * (1.0 - ROUNDING) <= parameter.high:
+            bounds.check(value, f"In the answer, {what}", DataError)
 
 
 def _check_same(laws: Iterable[LawFile], said: Sequence[LawReference]) -> None:
@@ -99,4 +119,8 @@ def adoptable(summary: Mapping[str, Any], answer: int | None = None) -> tuple[Wr
     chosen = said.chosen(answer)
     if answer is None:
         said.check_held_out()
-    return tuple(each.written() for each in (*chosen, *said.calibration))
+    effects = tuple(each.written() for each in (*chosen, *said.calibration))
+    labels = [effect.label for effect in effects]
+    if twice := sorted({label for label in labels if labels.count(label) > 1}):
+        raise DataError(f"The answer has {', '.join(twice)} twice; it would act twice as strongly.")
+    return effects

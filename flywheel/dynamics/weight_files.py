@@ -23,7 +23,7 @@ import numpy as np
 from pydantic import ValidationError
 from torch import nn
 
-from flywheel.errors import ModelError
+from flywheel.errors import WeightsError
 from flywheel.files import opened, read_json, shown
 from flywheel.outputs import write_output
 from flywheel.robots import Robot
@@ -81,10 +81,10 @@ def write_arrays(path: Path, arrays: Arrays, about: Mapping[str, Any]) -> None:
     does not match, and reading raises.
 
     Raises:
-      ModelError: the name ends in .json, like that of the description.
+      WeightsError: the name ends in .json, like that of the description.
     """
     if path.suffix == ".json":
-        raise ModelError(f"Weights cannot be called {path.name}: call them .npz.")
+        raise WeightsError(f"Weights cannot be called {path.name}: call them .npz.")
     content = BytesIO()
     np.savez(content, **arrays)  # type: ignore[arg-type]
     write_output(path, content.getvalue())
@@ -95,14 +95,14 @@ def read_side_file(path: Path | str) -> dict[str, Any]:
     """Content of the side file of weights at `path`.
 
     Raises:
-      ModelError: it is missing or malformed.
+      WeightsError: it is missing or malformed.
     """
     side = Path(path).with_suffix(".json")
     if not side.exists():
-        raise ModelError(f"There are no weights at {path}: {side.name} is missing.")
-    about = read_json(side, "side file of weights", ModelError)
+        raise WeightsError(f"There are no weights at {path}: {side.name} is missing.")
+    about = read_json(side, "side file of weights", WeightsError)
     if not isinstance(about, dict) or "format" not in about:
-        raise ModelError(f"{side} does not describe weights: it holds {shown(about)}.")
+        raise WeightsError(f"{side} does not describe weights: it holds {shown(about)}.")
     return about
 
 
@@ -110,18 +110,18 @@ def checked_side_file(path: Path | str, format: int, kinds: Kinds) -> dict[str, 
     """The same, checked for this format, with a digest, a robot and values of these types.
 
     Raises:
-      ModelError: it differs.
+      WeightsError: it differs.
     """
     about, side = read_side_file(path), Path(path).with_suffix(".json")
     if about["format"] != format:
-        raise ModelError(
+        raise WeightsError(
             f"{side} has format {shown(about['format'])}; this version reads format {format}. "
             "Train the network again, or read it with the version of this project that wrote it."
         )
     for name, kind in {"digest": str, "robot": str, **kinds}.items():
         if not isinstance(about.get(name), kind):
-            got = shown(about[name]) if name in about else "nothing"
-            raise ModelError(f"{side} does not describe weights: {name} is {got}.")
+            got = f"is {shown(about[name])}" if name in about else "is missing"
+            raise WeightsError(f"{side} does not describe weights: {name} {got}.")
     return about
 
 
@@ -129,11 +129,11 @@ def side_file_of(path: Path | str, robot: Robot, format: int, kinds: Kinds) -> d
     """The same, of a robot.
 
     Raises:
-      ModelError: it differs, or is for another robot.
+      WeightsError: it differs, or is for another robot.
     """
     about = checked_side_file(path, format, kinds)
     if about["robot"] != robot.digest:
-        raise ModelError(
+        raise WeightsError(
             f"{Path(path).name} was trained for another robot (digest {about['robot'][:12]}), not for "
             f"{robot.name} ({robot.digest[:12]}). Train it again for this robot, or load the MJCF that it "
             "belongs to."
@@ -171,7 +171,7 @@ class StoredModel:
           notes: about the training, for people.
 
         Raises:
-          ModelError: the name ends in .json, like that of the side file.
+          WeightsError: the name ends in .json, like that of the side file.
         """
         digest = self.digest
         about = {**self.head, "format": FORMAT, "digest": digest, "notes": dict(notes or {})}
@@ -181,15 +181,15 @@ class StoredModel:
 
 @contextmanager
 def reading(path: Path) -> Iterator[None]:
-    """Raise a `ModelError` in the block for weights that are missing or damaged."""
+    """Raise a `WeightsError` in the block for weights that are missing or damaged."""
     if not path.exists():
-        raise ModelError(f"There are no weights at {path}.")
+        raise WeightsError(f"There are no weights at {path}.")
     try:
         yield
     except ValidationError as problem:
-        raise ModelError(f"The weights {path} are damaged: {first_problem(problem)}.") from None
+        raise WeightsError(f"The weights {path} are damaged: {first_problem(problem)}.") from None
     except _DAMAGED as problem:
-        raise ModelError(f"The weights {path} are damaged: {problem}.") from problem
+        raise WeightsError(f"The weights {path} are damaged: {problem}.") from problem
 
 
 def read_arrays(
@@ -204,10 +204,10 @@ def read_arrays(
       digest: from the side file.
 
     Raises:
-      ModelError, and those of a damaged archive: they differ.
+      WeightsError, and those of a damaged archive: they differ.
     """
     largest = _LARGEST_DIRECTORY + sum(w.nbytes + _LARGEST_HEADER for w in wanted.values())
-    with opened(path, "file of weights", ModelError, largest) as raw, ZipFile(raw) as archive:
+    with opened(path, "file of weights", WeightsError, largest) as raw, ZipFile(raw) as archive:
         there = sorted(archive.namelist())
         if there != sorted(f"{name}.npy" for name in wanted):
             raise ValueError(

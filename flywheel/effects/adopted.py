@@ -134,10 +134,9 @@ def plant_file(path: str | Path) -> Path:
 
 
 def next_version(parent: str | Path, robot: Robot) -> int:
-    """One more than the highest version of the robot's plants in a folder."""
+    """One more than the highest version of the robot's plants in a folder, whatever is in it."""
     prefix = _prefix(robot.name)
-    found = Path(parent).glob(f"{prefix}*/{PLANT}")
-    numbers = [path.parent.name.removeprefix(prefix) for path in found]
+    numbers = [path.name.removeprefix(prefix) for path in Path(parent).glob(f"{prefix}*")]
     return 1 + max((int(number) for number in numbers if _NUMBER.fullmatch(number)), default=0)
 
 

@@ -31,6 +31,7 @@ class Problems:
 
     def __init__(self) -> None:
         self._found: dict[str | tuple[str, str], list[str]] = {}  # (kind, sentence) -> elements
+        self._got: dict[tuple[str, str], list[str]] = {}  # their values
         self._bad_input = False
 
     def __len__(self) -> int:
@@ -41,9 +42,11 @@ class Problems:
         self._found[problem] = []
         self._bad_input |= bad_input
 
-    def add_alike(self, kind: str, name: str, sentence: str) -> None:
-        """One more, see `Alike`."""
+    def add_alike(self, kind: str, name: str, sentence: str, got: str = "") -> None:
+        """One more, see `Alike`; `got` is the element's value, which the sentence ends with."""
         self._found.setdefault((kind, sentence), []).append(name)
+        if got:
+            self._got.setdefault((kind, sentence), []).append(got)
 
     def add_first(self, problem: str) -> None:
         """One more, before all others."""
@@ -69,7 +72,7 @@ class Problems:
         """
         if self._found:
             problems = [
-                key if isinstance(key, str) else _about(key[0], names, key[1])
+                key if isinstance(key, str) else _about(key[0], names, key[1], self._got.get(key))
                 for key, names in self._found.items()
             ]
             error = (MjcfError if self._bad_input else RobotError)(listed(problems))
@@ -95,6 +98,8 @@ def listed(problems: Sequence[str]) -> str:
     return "\n".join(["", *(f"{i}. {each}" for i, each in enumerate(problems, 1))])
 
 
-def _about(kind: str, names: Sequence[str], sentence: str) -> str:
+def _about(kind: str, names: Sequence[str], sentence: str, got: Sequence[str] | None = None) -> str:
     words = sentence.replace("{}", f"the {kind}{'s' if len(names) > 1 else ''} {', '.join(names)}")
+    if got:
+        words = f"{words.removesuffix('.')}; got {', '.join(dict.fromkeys(got))}."
     return words[0].upper() + words[1:]

@@ -81,6 +81,13 @@ def is_passive(model: mujoco.MjModel, actuator: int) -> bool:
     return bool(fixed and model.actuator_gainprm[actuator, 0] == 0)
 
 
+def follows_speed(model: mujoco.MjModel, actuator: int) -> bool:
+    """True for a <velocity>: its force is k (control - speed), whatever the length."""
+    gain, bias = model.actuator_gainprm[actuator, 0], model.actuator_biasprm[actuator, :3]
+    at_once = model.actuator_dyntype[actuator] == mujoco.mjtDyn.mjDYN_NONE
+    return bool(at_once and gain > 0 and (bias == [0, 0, -gain]).all())
+
+
 def _winch(
     model: mujoco.MjModel,
     name: str,
@@ -115,9 +122,9 @@ def _refuse_unfit(model: mujoco.MjModel, driving: list[int]) -> None:
     problems = Problems()
     for actuator in driving:
         for need in _unmet(model, actuator):
-            problems.add_alike(
-                "actuator", called(model, "actuator", actuator), f"{{}} must {need}."
-            )
+            words, _, got = need.partition("; got ")
+            name = called(model, "actuator", actuator)
+            problems.add_alike("actuator", name, f"{{}} must {words}.", got)
     problems.check()
 
 
@@ -125,6 +132,11 @@ def _no_winch(model: mujoco.MjModel, actuator: int) -> str:
     """The requirement without which an actuator is no winch at all, after "must"; "" if it is met."""
     if model.actuator_trntype[actuator] != mujoco.mjtTrn.mjTRN_TENDON:
         return "drive a tendon (or have gainprm 0, if it is passive)"
+    if follows_speed(model, actuator):
+        return (
+            "have a stiffness, which a <velocity> lacks: a winch that takes the rate of its rest length is "
+            '<intvelocity kp="k" kv="c" actrange="SHORTEST LONGEST"/>'
+        )
     if model.actuator_biasprm[actuator, 1] >= 0 and kind_of(model, actuator) != "tension":
         return (
             'have a stiffness k, by biastype "affine" and biasprm "0 -k -c", or take tensions, by dyntype '

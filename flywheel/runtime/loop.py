@@ -48,6 +48,7 @@ from flywheel.runtime.tracking.tracker import Tracker
 from flywheel.runtime.workers.robot_worker import RobotWorker
 from flywheel.runtime.workers.sim_worker import SimWorker
 from flywheel.runtime.workers.trainer_worker import TrainerWorker
+from flywheel.validation import differences
 
 OVERBOOKED = 16  # most configured cores per core of this machine; each is a process of about 300 MB
 # Longest that the tracker may deliver when a run ends early; a resumed run delivers the rest.
@@ -93,7 +94,7 @@ def run(
     files.path.mkdir(parents=True, exist_ok=True)
     with hold(files.lock, f"The run in {folder}"):
         identity = files.begin(config, resume)
-        config = continued(files.config(), config)  # only the robot's workers know the stand-in
+        config = _from_here_on(files.config(), config, progress)
         robot = files.robot(config)
         check_sound(files, TrajectoryStore(files.store_url(config)))
         if (done := finished_run(files)) is not None:
@@ -113,6 +114,14 @@ def run(
             with _pool(config, files, robot, ray, cores, stop) as pool:
                 store = TrajectoryStore(files.store_url(config))
                 return finish(Run(config, files, robot, store, pool, tracker, progress), identity)
+
+
+def _from_here_on(stored: RunConfig, given: RunConfig, progress: Progress) -> RunConfig:
+    """The configuration with which a run continues, and a line per setting that is not as at its start."""
+    config = continued(stored, given)  # only the robot's workers know the stand-in
+    for change in differences(stored.model_dump(mode="json"), config.model_dump(mode="json")):
+        progress.say(f"Not as at the start of the run: {change}.")
+    return config
 
 
 def _check_store(url: str) -> None:

@@ -109,6 +109,7 @@ class ResidualResult:
       steps: optimiser steps done.
       best_step: steps done at the best weights.
       windows, held_out: their numbers.
+      horizon: of them [s].
       seconds: of the training, simulations included.
       curve: (step, loss, error on held-out windows with the whole correction).
     """
@@ -120,6 +121,7 @@ class ResidualResult:
     best_step: int
     windows: int
     held_out: int
+    horizon: float
     seconds: float
     curve: tuple[tuple[int, float, float], ...]
 
@@ -202,6 +204,7 @@ def train_residual(
         best_step=fitting.best_step,
         windows=len(train),
         held_out=len(held_out),
+        horizon=steps * plant.dt,
         seconds=time.monotonic() - begun,
         curve=tuple(fitting.curve),
     )
@@ -416,12 +419,12 @@ def usual(windows: PlantWindows) -> Tensor:
 def chosen_share(errors: Floats, training: ResidualTraining) -> int:
     """Index in `SHARES` with the least error; the first, no correction, unless the gain is significant.
 
-    Overlapping windows count less than their number.
+    Overlapping windows count less than their number; one alone shows no chance, and so no gain.
     """
     best = int(errors.mean(axis=0).argmin())
     gain = errors[:, 0] - errors[:, best]
     alone = max(1.0, len(gain) * min(1.0, training.spacing / training.horizon))
-    doubt = float(gain.std()) / math.sqrt(alone)
+    doubt = float(gain.std()) / math.sqrt(alone) if len(gain) > 1 else math.inf
     return best if gain.mean() > training.sure * doubt else 0
 
 

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from flywheel.cli.console import console, table
 from flywheel.cli.options import LawFiles
 from flywheel.quantities import Bounds
-
-if TYPE_CHECKING:
-    from flywheel.effects import AdoptedPlant
 
 
 def adopt(
@@ -45,12 +43,23 @@ def adopt(
 
     summary, library = _read(answer_file), Library.of(effects_from)
     parent = adopted_file(robot)
-    diagnosed = load_robot(robot) if parent is None else AdoptedPlant.read(parent)[1]
+    there: list[str] = []
+    if parent is None:
+        diagnosed = load_robot(robot)
+    else:
+        before, diagnosed = AdoptedPlant.read(parent)
+        there = [effect.label for effect in before.effects]
     about = Answer.of(summary).robot
     if about.digest != diagnosed.digest:
         raise DataError(
             f"{answer_file} is about {about.name or 'an unknown robot'} ({about.digest[:12]}), not "
             f"{diagnosed.name} ({diagnosed.digest[:12]})."
+        )
+    if about.effects is not None and sorted(about.effects) != sorted(there):
+        then, now = (", ".join(labels) or "no effect" for labels in (about.effects, there))
+        raise DataError(
+            f"{answer_file} is about a plant with {then}; {robot} has {now}. An answer replaces all effects "
+            "of its plant: name the robot as `diagnose` did, or diagnose this one."
         )
     path = adoption.adopt(summary, diagnosed, out, answer, parent, library.known)
     plant, _ = AdoptedPlant.read(path)
@@ -61,21 +70,18 @@ def adopt(
     ]
     shown = console()
     shown.print(table(f"{path.parent}", ("effect", "at", "parameter", "#value"), rows))
-    own = "".join(f" --effects-from {path.parent / law.file}" for law in plant.effects_from)
+    laws = [str(path.parent / law.file) for law in plant.effects_from]
+    asked = [
+        "--robot",
+        str(path.parent),
+        *(word for law in laws for word in ("--effects-from", law)),
+    ]
+    run = [f"effects={path}", *([f"effects_from=[{','.join(laws)}]"] if laws else [])]
     for line in (
-        f"Diagnose and compare with --robot {path.parent}{own}.",
-        (
-            f"Run with effects={path}{_in_run(path.parent, plant)}: data are then simulated on this "
-            "plant."
-        ),
+        f"Diagnose and compare with {shlex.join(asked)}.",
+        f"Run with {shlex.join(run)}: data are then simulated on this plant.",
     ):
         shown.print(line, soft_wrap=True, markup=False)
-
-
-def _in_run(folder: Path, plant: AdoptedPlant) -> str:
-    """The override of a run that names the law files of a plant."""
-    files = ",".join(str(folder / law.file) for law in plant.effects_from)
-    return f" 'effects_from=[{files}]'" if files else ""
 
 
 def _read(path: Path) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
@@ -97,12 +98,12 @@ def check_model_outputs(out: Path, json: Path | None, inputs: Sequence[str | Pat
     """Check that a file of weights and the answer can be written.
 
     Raises:
-      ConfigError, DataError: they cannot, or the weights are called .json.
+      ConfigError, DataError: they cannot, or the weights are not called .npz.
     """
     from flywheel.errors import ConfigError
     from flywheel.outputs import check_outputs
 
-    if out.suffix == ".json":
+    if out.suffix != ".npz":  # else two models could share one side file
         raise ConfigError(f"--out is the file of the weights, which end in .npz; got {out.name}.")
     outputs = {"model": out, "side file of the model": out.with_suffix(".json"), "JSON": json}
     check_outputs(outputs, inputs=inputs)
@@ -168,12 +169,17 @@ def _show(
     heads = ("model", "#held-out error, relative to the plant's usual one at that lead time")
     out.print(
         table(
-            f"{found.windows} training windows, {found.held_out} held out, of {seconds:.0f} s; "
-            f"{found.steps} steps in {found.seconds:.0f} s",
+            f"{found.windows} training windows of {found.horizon:g} s, {found.held_out} held out, of "
+            f"{seconds:.0f} s; {found.steps} steps in {found.seconds:.0f} s",
             heads,
             rows,
         )
     )
     out.say(f"Model: {path}")
-    first = recordings[0] if recordings else "log.csv"
-    out.say(f"next: flywheel compare {first} --robot {robot} --model plant --model {path}")
+    out.say(next_comparison(recordings, robot, path))
+
+
+def next_comparison(recordings: Sequence[Path], robot: str, model: Path) -> str:
+    """The command that compares a model with its plant."""
+    words = ("--robot", robot, "--model", "plant", "--model", str(model))
+    return f"next: {shlex.join(('flywheel', 'compare', str(recordings[0]), *words))}"

@@ -92,9 +92,11 @@ def _summary(
     plant: Plant, found: Diagnosis, recordings: Sequence[Path], others: Sequence[Path]
 ) -> dict[str, Any]:
     """A diagnosis in the form of JSON, with its provenance."""
+    robot = plant.robot
+    effects = [term.label(robot) for term in plant.terms]
     return {
         **found.summary(),
-        "robot": {"name": plant.robot.name, "digest": plant.robot.digest},
+        "robot": {"name": robot.name, "digest": robot.digest, "effects": effects},
         "recordings": [path.name for path in recordings],
         "held_out_recordings": [path.name for path in others],
     }

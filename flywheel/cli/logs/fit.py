@@ -7,7 +7,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from flywheel.cli.console import Out, console, table
 from flywheel.cli.exits import end_if_stopped
-from flywheel.cli.logs.correct import ModelStatements, check_model_outputs, settings_of
+from flywheel.cli.logs.correct import (
+    ModelStatements,
+    check_model_outputs,
+    next_comparison,
+    settings_of,
+)
 from flywheel.quantities import ControlStep, Seed
 
 if TYPE_CHECKING:
@@ -71,16 +76,15 @@ def fit(
     notes = {"before": found.before, "error": found.error, "windows": found.windows, **found.about}
     names = [path.name for path in recordings]
     digest = BaselineWeights.of(found.model).write(out, {**notes, "recordings": names})
-    _show(shown, found, out, robot, names)
+    _show(shown, found, out, robot, recordings)
     shown.keep_json(json, {**notes, "digest": digest})
     end_if_stopped(stop, "these are the best numbers so far")
 
 
-def _show(out: Out, found: Fitted, path: Path, robot: str, recordings: list[str]) -> None:
+def _show(out: Out, found: Fitted, path: Path, robot: str, recordings: list[Path]) -> None:
     rows = [("before the fit", found.before), ("fitted", found.error)]
     heads = ("", "#RMSE / L of the tracked points [%]")
     out.print(table(f"{found.windows} held-out windows", heads, rows))
     out.print(table("Fit", ["number", "#value"], list(found.about.items())))
     out.say(f"Model: {path}")
-    log = recordings[0] if recordings else "log.csv"
-    out.say(f"next: flywheel compare {log} --robot {robot} --model plant --model {path}")
+    out.say(next_comparison(recordings, robot, path))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -32,7 +33,7 @@ def copy(name: Annotated[str, "NAME"], dest: Annotated[Path | None, "[DEST]"] = 
     check_output(target, "configuration")
     check_new(target)
     write_output(target, text)
-    console().say(f"Configuration: {target}. Run it with: flywheel run {target}")
+    console().say(f"Configuration: {target}. Run it with: flywheel run {shlex.quote(str(target))}")
 
 
 def _target(dest: Path, file: Path) -> Path:

@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping
 from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field, StrictFloat
+from pydantic import BaseModel, ConfigDict, Field, StrictFloat, field_validator, model_validator
 
 from flywheel.diagnosis.results.verdict import Verdict
 from flywheel.diagnosis.settings import NUMBER, Limits
@@ -17,6 +17,7 @@ from flywheel.effects.written import MOST_PARAMETERS
 from flywheel.effects.written import Value as EffectValue
 from flywheel.errors import DataError
 from flywheel.quantities import Bounds, Name
+from flywheel.registry import lookup
 from flywheel.validation import validated
 
 FORMAT = 2  # of the JSON that is written
@@ -37,7 +38,7 @@ class Fitted(_Part):
     """A value of an effect, with its 95 % interval.
 
     Attributes:
-      value, low, high: in the unit.
+      value, low, high: in the unit; the value is within the interval.
       in_plant: the value that fits the plant's own time steps; None for the same.
     """
 
@@ -46,6 +47,14 @@ class Fitted(_Part):
     high: StrictFloat
     unit: Name
     in_plant: EffectValue | None = None
+
+    @model_validator(mode="after")
+    def _within(self) -> Self:
+        if self.value < self.low or self.value > self.high:
+            raise ValueError(
+                f"must be within its interval from {self.low:g} to {self.high:g}; got {self.value:g}"
+            )
+        return self
 
 
 class FoundEffect(_Part):
@@ -89,10 +98,16 @@ class HeldOut(_Part):
 
 
 class AboutRobot(_Part):
-    """The diagnosed robot."""
+    """The diagnosed robot.
+
+    Attributes:
+      name, digest: of its MJCF.
+      effects: labels of the effects that its plant had; None if unknown.
+    """
 
     name: Name = ""
     digest: Name = ""
+    effects: Annotated[tuple[Name, ...], Field(max_length=MOST_ANSWERS)] | None = None
 
 
 class Suspect(_Part):
@@ -119,7 +134,7 @@ class Answer(_Part):
     """
 
     format: Annotated[int, Bounds(1, 1000)]
-    verdict: Name = "(none)"
+    verdict: Verdict
     answer_set: tuple[Together, ...] = Field(default=(), max_length=MOST_ANSWERS)
     calibration: Together = ()
     interrupted: bool = False
@@ -128,6 +143,11 @@ class Answer(_Part):
     robot: AboutRobot = AboutRobot()
     effects_from: tuple[LawReference, ...] = Field(default=(), max_length=MOST_FILES)
     settings: dict[Name, Annotated[float, NUMBER]] = Field(default={}, max_length=MOST_SETTINGS)
+
+    @field_validator("verdict", mode="before")
+    @classmethod
+    def _known(cls, name: object) -> object:
+        return lookup(Verdict.__members__, name, "verdict") if isinstance(name, str) else name
 
     @classmethod
     def of(cls, summary: Mapping[str, Any]) -> Self:

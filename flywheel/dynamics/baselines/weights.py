@@ -23,7 +23,7 @@ from flywheel.dynamics.weight_files import (
     side_file_of,
 )
 from flywheel.effects import NAMED, Effect
-from flywheel.errors import ModelError
+from flywheel.errors import WeightsError
 from flywheel.quantities import CONTROL_STEP
 from flywheel.registry import lookup
 from flywheel.robots import Robot
@@ -67,7 +67,7 @@ class BaselineWeights(StoredModel):
         path = Path(path)
         about = side_file_of(path, robot, FORMAT, _ABOUT)
         model = lookup(FITTED, about["kind"], "baseline")
-        dt = CONTROL_STEP.check(about["dt"], f"The control step in {path.name}", ModelError)
+        dt = CONTROL_STEP.check(about["dt"], f"The control step in {path.name}", WeightsError)
         with reading(path):
             config = model.Config.model_validate(about["config"])
             wanted = {

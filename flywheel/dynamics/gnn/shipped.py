@@ -9,7 +9,7 @@ from typing import Annotated
 from pydantic import Field
 
 from flywheel.dynamics.gnn.weights import read_about
-from flywheel.errors import ModelError
+from flywheel.errors import WeightsError
 from flywheel.files import read_yaml
 from flywheel.quantities import (
     Bounds,
@@ -94,11 +94,11 @@ class ModelCard(Frozen):
         """The card next to a file of weights.
 
         Raises:
-          ModelError: it is missing or malformed.
+          WeightsError: it is missing or malformed.
         """
         path = weights.with_suffix(".yaml")
-        values = read_yaml(path, "model card", ModelError)
-        return validated(cls, values, f"{path} is not a model card", ModelError)
+        values = read_yaml(path, "model card", WeightsError)
+        return validated(cls, values, f"{path} is not a model card", WeightsError)
 
 
 def shipped_networks() -> Mapping[str, Path]:
@@ -110,13 +110,13 @@ def shipped_weights(robot: Robot) -> Path:
     """The weights of the shipped network for a robot.
 
     Raises:
-      ModelError: there is none for it.
+      WeightsError: there is none for it.
     """
     networks = shipped_networks()
     for path in networks.values():
         if read_about(path)["robot"] == robot.digest:
             return path
-    raise ModelError(
+    raise WeightsError(
         f"No network for {robot.name} ({robot.digest[:12]}) comes with Flywheel, only for the shipped robots "
         f"{', '.join(networks)}. Train one: `flywheel run prism3 model=MY_ROBOT.xml iterations=0`."
     )

@@ -29,7 +29,7 @@ from flywheel.dynamics.weight_files import (
 )
 from flywheel.effects import NAMED, Effect, Terms, WrittenTerm
 from flywheel.effects.adopted import MOST_EFFECTS
-from flywheel.errors import FlywheelError, ModelError
+from flywheel.errors import FlywheelError, WeightsError
 from flywheel.quantities import Bounds, ControlStep, Seed
 from flywheel.robots import Robot
 from flywheel.validation import Frozen
@@ -127,7 +127,7 @@ class ResidualWeights(StoredModel):
           library: of its effects.
 
         Raises:
-          ModelError: the file is missing or damaged, or for another robot or plant.
+          WeightsError: the file is missing or damaged, or for another robot or plant.
         """
         path = Path(path)
         about = side_file_of(path, robot, FORMAT, _ABOUT)
@@ -137,7 +137,7 @@ class ResidualWeights(StoredModel):
                 {},
                 CorrectedPlant.model_validate(about["corrected"]),
                 ResidualConfig.model_validate(about["config"]),
-                Bounds(0, 1).check(about["share"], f"The share in {path.name}", ModelError),
+                Bounds(0, 1).check(about["share"], f"The share in {path.name}", WeightsError),
             )
             wanted = {
                 name: Wanted(tuple(value.shape), np.dtype(np.float32))
@@ -151,21 +151,23 @@ class ResidualWeights(StoredModel):
     def _check(
         self, path: Path, robot: Robot, plant: Plant | None, library: Mapping[str, Effect]
     ) -> None:
-        """Check that a plant is the corrected one; raises a `ModelError`."""
+        """Check that a plant is the corrected one; raises a `WeightsError`."""
         try:
             self.corrected.terms(robot, library)
         except FlywheelError as error:
-            raise ModelError(f"{path.name} corrects a plant that cannot be made: {error}") from None
+            raise WeightsError(
+                f"{path.name} corrects a plant that cannot be made: {error}"
+            ) from None
         if plant is None:
             return
         there = tuple(WrittenTerm.of(term, robot) for term in plant.terms)
         if there != self.corrected.effects:
-            raise ModelError(
+            raise WeightsError(
                 f"{path.name} corrects the plant with {_named(self.corrected.effects)}; this one "
                 f"has {_named(there)}. Train it again for this plant."
             )
         if abs(plant.dt - self.corrected.dt) > 1e-9:
-            raise ModelError(
+            raise WeightsError(
                 f"{path.name} corrects a plant in steps of {self.corrected.dt:g} s; this one has "
                 f"{plant.dt:g} s."
             )
@@ -190,7 +192,7 @@ def is_residual(path: Path | str) -> bool:
     """True if a file of weights describes a corrected plant.
 
     Raises:
-      ModelError: it is missing or malformed.
+      WeightsError: it is missing or malformed.
     """
     return bool(read_side_file(path).get("kind") == KIND)
 

@@ -28,7 +28,7 @@ from flywheel.robots.adapt.draft import (
 from flywheel.robots.adapt.proof import apart, certainty_of, evidence_of
 from flywheel.robots.adapt.servos import commands, dynamics, scaled
 from flywheel.robots.cables import curved
-from flywheel.robots.winches import kind_of
+from flywheel.robots.winches import follows_speed, kind_of
 
 NO_BIAS, AFFINE = int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE)
 
@@ -100,12 +100,14 @@ def _rewritten(
 
 
 def _alone(model: mujoco.MjModel, actuator: int) -> _Winch | None:
-    """A motor that gives a tension, without a spring; None for others, and for one that never pulls."""
+    """A motor that gives a tension, without a spring; None for others, such as one that never pulls."""
     tendon, kind = int(model.actuator_trnid[actuator, 0]), kind_of(model, actuator)
     constant, per_length, per_speed = map(float, model.actuator_biasprm[actuator, :3])
     affine = int(model.actuator_biastype[actuator]) in (NO_BIAS, AFFINE)
     alone = model.tendon_stiffness[tendon] == 0 and not curved(model, tendon)
     if not (affine and alone) or per_length or per_speed > 0 or kind in ("rate", "tension"):
+        return None
+    if follows_speed(model, actuator):  # its commands are no tensions
         return None
     gear, gain = map(float, (model.actuator_gear[actuator, 0], model.actuator_gainprm[actuator, 0]))
     scale = Scale(-gear * gain, -gear * constant)

@@ -2,13 +2,15 @@
 
 import json
 import os
+import shlex
 import signal
+from pathlib import Path
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from flywheel.cli.logs.correct import settings_of
+from flywheel.cli.logs.correct import next_comparison, settings_of
 from flywheel.cli.main import app
 from flywheel.cli.models import open_model, open_trained
 from flywheel.data.recordings import write_recording
@@ -95,7 +97,14 @@ def test_settings_are_of_the_training_or_of_the_network():
             settings(wrong)
 
 
-def test_a_name_that_is_that_of_the_side_file_is_refused(tmp_path):
-    got = correct("x.csv", "--robot", "prism3", "--out", tmp_path / "m.json")
+@pytest.mark.parametrize("name", ["m.json", "m", "m.v1"])
+def test_a_name_that_would_share_a_side_file_is_refused(tmp_path, name):
+    got = correct("x.csv", "--robot", "prism3", "--out", tmp_path / name)
     assert got.exit_code == 2
-    assert "npz" in got.output
+    assert f"end in .npz; got {name}" in got.output
+
+
+def test_the_next_command_can_be_pasted_whatever_files_are_called():
+    said = next_comparison([Path("my logs/a.csv"), Path("b.csv")], "prism3", Path("my net.npz"))
+    words = shlex.split(said.removeprefix("next: "))
+    assert words[:3] == ["flywheel", "compare", "my logs/a.csv"] and words[-1] == "my net.npz"

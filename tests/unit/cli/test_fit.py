@@ -10,9 +10,10 @@ from flywheel.cli.driving.driver import network_of
 from flywheel.cli.main import app
 from flywheel.cli.models import open_model, open_trained
 from flywheel.data.recordings import write_recording
-from flywheel.dynamics.baselines import LinearDynamics, Persistence
+from flywheel.dynamics.baselines import LinearConfig, LinearDynamics, Persistence
 from flywheel.dynamics.baselines.engine import RigidBodyEngine
 from flywheel.dynamics.baselines.named import BASELINES
+from flywheel.dynamics.baselines.weights import BaselineWeights
 from flywheel.dynamics.plant import MeasurementModel, Plant
 from flywheel.errors import ConfigError
 from flywheel.records import Episode, Provenance, Trajectory
@@ -52,12 +53,32 @@ def test_a_model_comes_out_that_can_be_compared_and_driven_with(log, tmp_path, m
     out, answer = tmp_path / "m.npz", tmp_path / "a.json"
     got = fit(model, log, "--robot", "prism3", "--out", out, "--json", answer, *FEW, *more)
     assert got.exit_code == 0, got.output
+    assert f"flywheel compare {log} --robot" in got.output
     told = json.loads(answer.read_text())
     assert told["error"] <= told["before"] and told["windows"] > 0
     assert isinstance(open_model(str(out), Plant(PRISM)).dynamics, kind)
     source = config_file("prism3")
     dynamics, digest = network_of(source, load_config(source), PRISM, str(out))
     assert isinstance(dynamics, kind) and digest == told["digest"]
+
+
+@pytest.mark.parametrize(
+    ("robot", "left", "says"),
+    [
+        ("icosa6", ("npz", "json"), "trained for another robot"),
+        ("prism3", ("npz",), "m.json is missing"),
+    ],
+)
+def test_a_model_that_cannot_be_used_is_bad_input_and_no_verdict(log, tmp_path, robot, left, says):
+    model = LinearDynamics(PRISM, 0.01, LinearConfig(pose_lags=1))
+    BaselineWeights.of(model).write(tmp_path / "m.npz", {})
+    for ending in {"npz", "json"} - set(left):
+        (tmp_path / f"m.{ending}").unlink()
+    csv = tmp_path / "log.csv"
+    csv.write_text(log.read_text())
+    asked = ["compare", str(csv), "--robot", robot, "--model", str(tmp_path / "m.npz")]
+    got = CliRunner().invoke(app, asked)
+    assert got.exit_code == 2 and says in " ".join(got.output.split()), got.output
 
 
 def test_a_model_of_another_control_step_drives_nothing(log, tmp_path):

@@ -6,6 +6,7 @@ The way from logs to a plant that explains them is gone in docs/diagnosis.md, wh
 import copy
 import json
 import math
+import shlex
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ from typer.testing import CliRunner
 from flywheel.cli.main import app
 from flywheel.diagnosis.adoption import adopt, adoptable
 from flywheel.diagnosis.results.answer import FORMAT, Answer
-from flywheel.effects import EFFECTS, AdoptedPlant
+from flywheel.effects import EFFECTS, NAMED, AdoptedPlant
 from flywheel.errors import DataError, FlywheelError
 from flywheel.files import parsed_yaml
 from flywheel.robots import load_robot, read_robot
@@ -26,8 +27,14 @@ PRISM = load_robot("prism3")
 
 
 def found(effect: str, **values: float) -> dict[str, Any]:
+    units = {parameter.name: parameter.unit for parameter in NAMED[effect].parameters}
     parameters = {
-        name: {"value": value, "low": 0.9 * value, "high": 1.1 * value, "unit": "-"}
+        name: {
+            "value": value,
+            "low": 0.9 * value,
+            "high": 1.1 * value,
+            "unit": units.get(name, "-"),
+        }
         for name, value in values.items()
     }
     return {"effect": effect, "location": "", "parameters": parameters}
@@ -246,12 +253,19 @@ def test_a_field_of_another_type_is_refused_in_a_sentence_or_not_needed(path, tm
         (("format",), FORMAT - 1, f"has format {FORMAT - 1}; this version reads {FORMAT}"),
         (("format",), GONE, "format: is required"),
         (("format",), True, "format: must be a whole number"),
-        (("verdict",), [1], "verdict: .*valid string; got \\[1\\]"),
+        (("verdict",), [1], "verdict: .*got \\[1\\]"),
+        (("verdict",), GONE, "verdict: is required"),
         (("answer_set", 0, 0), 3, r"answer_set.0.0: .*got 3"),
         (("answer_set", 0, 0, "effect"), None, r"answer_set.0.0.effect: .*got None"),
         (("answer_set", 0, 0, "parameters"), GONE, r"answer_set.0.0.parameters: is required"),
         (("answer_set", 0, 0, "parameters", "share", "value"), True, "share.value: must be a number .*True"),
         (("answer_set", 0, 0, "parameters", "share", "value"), math.inf, "share.value: must be a number"),
+        (("answer_set", 0, 0, "parameters", "share", "value"), 0.25, "within .* 0.18 to 0.22; got 0.25"),
+        (("answer_set", 0, 0, "parameters", "share", "low"), 0.21, "within .* 0.21 to 0.22; got 0.2"),
+        (("answer_set", 0, 0, "parameters", "share", "unit"), "%", "is in '-'; the answer has it in '%'"),
+        (("answer_set", 0, 0, "parameters", "share", "in_plant"), 1e9, "must be .*; got 1000000000.0"),
+        (("answer_set", 0, 1), GAIN, "has winch_gain twice"),
+        (("calibration", 0), GAIN, "has winch_gain twice"),
         (("answer_set", 0, 0, "parameters", "share", "low"), "x", "share.low: .*valid number; got 'x'"),
         (("held_out", "augmented"), "x", "held_out.augmented: .*got 'x'"),
         (("recordings",), ["x" * 199] * 5000, "evidence .* has 1,0.* characters .* at most 200,000"),
@@ -262,6 +276,40 @@ def test_the_message_names_the_field(path, to, message, tmp_path):
     with pytest.raises(DataError, match=message):
         adopt(changed(path, to), PRISM, tmp_path / "plants")
     assert not (tmp_path / "plants").exists()
+
+
+def test_a_misspelt_verdict_is_told_with_the_nearest(tmp_path: Path) -> None:
+    with pytest.raises(FlywheelError, match="no verdict 'EFECT'.*Did you mean 'EFFECT'"):
+        adopt({**WHOLE, "verdict": "EFECT"}, PRISM, tmp_path, 1)
+
+
+@pytest.mark.parametrize(
+    ("had", "robot", "message"),
+    [
+        ([], "prism3-1", "about a plant with no effect; {}/prism3-1 has winch_gain"),
+        (["winch_gain"], "prism3", "about a plant with winch_gain; prism3 has no effect"),
+        (["winch_gain"], "prism3-1", ""),
+        ([], "prism3", ""),
+    ],
+)
+def test_an_answer_about_another_plant_would_lose_effects(had, robot, message, tmp_path):
+    adopt(answer("EFFECT", [GAIN]), PRISM, tmp_path)
+    file = tmp_path / "answer.json"
+    about = {"name": PRISM.name, "digest": PRISM.digest, "effects": had}
+    file.write_text(json.dumps({**answer("EFFECT", [FRICTION]), "robot": about}))
+    named = robot if robot == "prism3" else str(tmp_path / robot)
+    result = CliRunner().invoke(app, ["adopt", str(file), "--robot", named, "--out", str(tmp_path)])
+    assert result.exit_code == (2 if message else 0), result.output
+    assert message.format(tmp_path) in " ".join(result.output.split())
+
+
+def test_commands_that_come_next_can_be_pasted(tmp_path: Path) -> None:
+    file = tmp_path / "answer.json"
+    file.write_text(json.dumps(answer("EFFECT", [GAIN])))
+    out = tmp_path / "my plants"
+    result = CliRunner().invoke(app, ["adopt", str(file), "--robot", "prism3", "--out", str(out)])
+    words = shlex.split(result.output.replace("(", "").replace(".\n", "\n"))
+    assert str(out / "prism3-1") in words and f"effects={out}/prism3-1/plant.yaml:" in words
 
 
 @pytest.mark.parametrize(

@@ -71,6 +71,12 @@ def test_versions_are_numbered_and_never_written_over(tmp_path: Path) -> None:
     assert sorted(p.name for p in (tmp_path / "plants").iterdir()) == ["prism3-1", "prism3-2"]
 
 
+def test_whatever_has_the_name_of_a_version_is_counted(tmp_path: Path) -> None:
+    (tmp_path / "prism3-1").mkdir()
+    (tmp_path / "prism3-2").symlink_to(tmp_path / "nowhere")
+    assert next_version(tmp_path, PRISM) == 3
+
+
 def test_a_plant_of_another_robot_is_refused(tmp_path: Path) -> None:
     path = adopted().write(tmp_path, PRISM)
     (path.parent / MJCF).write_text(load_robot("icosa6").xml)

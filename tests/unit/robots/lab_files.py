@@ -316,6 +316,17 @@ def integrated_velocity(folder: Path) -> Path:
     )
 
 
+def speed_servos(folder: Path) -> Path:
+    """<velocity> servos, whose commands are speeds, and which have no stiffness."""
+    world, cables = platform(4)
+    servos = "".join(f'<velocity name="v{i}" tendon="p{i}-c{i}" kv="60"/>' for i in range(4))
+    return written(
+        folder,
+        f"""<mujoco model="speeds"><option timestep=".002" integrator="implicitfast"/>
+  <worldbody>{world}</worldbody><tendon>{cables}</tendon><actuator>{servos}</actuator></mujoco>""",
+    )
+
+
 def activations_in_the_key(folder: Path) -> Path:
     """Servos without a lag, beside a keyframe that gives them activations."""
     world, cables = platform(4)
@@ -479,5 +490,6 @@ REFUSED = {
     routed_trunk: "The tendon 'tendon_1' must be straight between exactly two sites",
     muscles: "The MJCF has a muscle",
     two_motors_on_a_spring: "The actuators 'b0b1', 'b1b2' must have a stiffness k",
+    speed_servos: "The actuators 'v0', 'v1', 'v2', 'v3' must have a stiffness, which a <velocity> lacks",
     on_a_slope: "The MJCF has gravity along a slanting line",
 }

@@ -1,5 +1,6 @@
 """What an MJCF must not be, and the message that says so."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -350,6 +351,23 @@ def test_actuators_that_lack_the_same_are_told_together() -> None:
     plain = ('stiffness="20" springlength="0 1.2"', "")
     with pytest.raises(RobotError, match="^The actuators 'reel', 'spool' must have an actrange"):
         read_robot(edited(both, plain, (' act="1"/>', ' act="1 1"/>')))
+
+
+def test_one_requirement_is_told_once_whatever_numbers_are_there() -> None:
+    one = re.sub(r'forcerange="[^"]*"', 'forcerange="-7 7"', REEL)
+    two = re.sub(r'forcerange="[^"]*"', 'forcerange="-9 9"', REEL)
+    two = two.replace("reel", "spool").replace("cord", "stay")
+    plain = ('stiffness="20" springlength="0 1.2"', "")
+    words = 'only pull, with a forcerange "-F 0"; got (-7.0, 7.0), (-9.0, 9.0).'
+    with pytest.raises(RobotError) as refused:
+        read_robot(edited((REEL, one + two), plain, (' act="1"/>', ' act="1 1"/>')))
+    assert str(refused.value) == f"The actuators 'reel', 'spool' must {words}"
+
+
+def test_a_velocity_is_no_motor_that_takes_tensions() -> None:
+    speed = '<velocity name="reel" tendon="cord" kv="30" ctrlrange="-1 1"/>'
+    with pytest.raises(RobotError, match="'reel' must have a stiffness, .* <intvelocity kp="):
+        read_robot(edited((REEL, speed), (' act="1"/>', "/>")))
 
 
 @pytest.mark.parametrize("limit", ["ctrl", "act", "force"])

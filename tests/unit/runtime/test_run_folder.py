@@ -10,6 +10,8 @@ from flywheel.results import DiagnosisNote, IterationResult
 from flywheel.robot_link import StandInConfig
 from flywheel.robots import load_robot
 from flywheel.runtime.config.run_config import RunConfig, config_digest, continued
+from flywheel.runtime.loop import _from_here_on
+from flywheel.runtime.pool.progress import Lines
 from flywheel.runtime.run.folder import RunFolder
 
 
@@ -61,6 +63,17 @@ def test_what_changes_no_result_may_change_and_then_counts(folder):
     assert config.robot.links == 2
     assert config.robot.stand_in == StandInConfig(), "a secret"
     assert config_digest(config) == config_digest(changed)
+
+
+def test_settings_that_are_not_as_at_the_start_are_told():
+    said: list[str] = []
+    stored = RunConfig.model_validate({"workers": {"sim": 1}, "tracking": {"uri": "http://there"}})
+    assert _from_here_on(stored, RunConfig(), Lines(said.append)) == RunConfig()
+    assert [line.partition(": ")[2] for line in said] == [
+        "tracking.uri: http://there -> ''.",
+        "workers.sim: 1 -> 2.",
+    ]
+    assert _from_here_on(stored, stored, Lines(said.append)) == stored and len(said) == 2
 
 
 def test_another_store_is_refused_since_other_commands_would_not_know_it(folder):

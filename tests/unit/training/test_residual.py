@@ -134,6 +134,9 @@ def test_a_correction_that_may_be_luck_is_not_made():
     assert chosen_share(1.0 - 0.05 * better + noise * better, training) == 0
     assert chosen_share(1.0 - 0.05 * better + 0.001 * noise * better, training) == 20
     assert chosen_share(np.ones((40, 1)) + 0.05 * better, training) == 0
+    alone = 1.0 - 0.05 * better[None]
+    assert chosen_share(np.repeat(alone, 2, axis=0), training) == 20
+    assert chosen_share(alone, training) == 0, "one window shows no chance"
 
 
 @pytest.mark.parametrize(
