@@ -9,6 +9,7 @@ import errno
 import os
 import stat
 import tempfile
+import threading
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -17,6 +18,7 @@ from flywheel.errors import DataError, FlywheelError, RunError
 from flywheel.faults import fault_of, short, told
 
 PROBE_BYTES = 4096  # one block of a disk: an empty file can be made on a full one
+UNFINISHED = ".flywheel-"  # begins the names of files that are being written
 LONGEST_NAME = 255  # bytes of one part of a path, on every file system in use
 
 
@@ -86,7 +88,8 @@ def write_output(path: str | Path, content: str | bytes) -> Path:
     if path.is_symlink() or (path.exists() and not path.is_file()):
         path.write_bytes(data)
         return path
-    temporary = path.with_name(f".flywheel-{os.getpid()}.tmp")
+    # Of this thread alone: others of this process write into the same folder, as the tracker does.
+    temporary = path.with_name(f"{UNFINISHED}{threading.get_native_id()}.tmp")
     try:
         with temporary.open("wb") as file:
             file.write(data)
@@ -98,6 +101,12 @@ def write_output(path: str | Path, content: str | bytes) -> Path:
             temporary.unlink()
         raise OSError(error.errno, error.strerror, str(path)) from None
     return path
+
+
+def remove_unfinished(folder: Path) -> None:
+    """Remove the files in a folder that killed processes did not finish; no other may be writing there."""
+    for path in folder.glob(f"{UNFINISHED}*.tmp"):
+        path.unlink(missing_ok=True)
 
 
 def printable(text: str) -> str:

@@ -141,6 +141,7 @@ def finished_run(files: RunFolder) -> RunResult | None:
 
 def finish(run: Run, identity: Identity) -> RunResult:
     """Complete the unfinished part of a run, and return its result."""
+    run.store.sweep()
     result = result_so_far(run, identity, [])
     run.show(result)
     for iteration in range(run.config.iterations + 1):

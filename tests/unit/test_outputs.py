@@ -2,6 +2,8 @@
 
 import errno
 import os
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -129,6 +131,20 @@ def test_a_file_that_cannot_be_written_to_its_end_leaves_the_former_one(file):
     assert failed.value.filename == str(file)
     assert file.read_text() == "kept"
     assert list(file.parent.iterdir()) == [file]
+
+
+def test_two_threads_write_into_one_folder_at_once(tmp_path, monkeypatch):
+    both, sync = threading.Barrier(2, timeout=30), os.fsync
+
+    def together(handle):
+        sync(handle)
+        both.wait()
+
+    monkeypatch.setattr(outputs.os, "fsync", together)
+    with ThreadPoolExecutor(2) as pool:
+        list(pool.map(lambda name: write_output(tmp_path / name, 1000 * name), "ab"))
+    assert [(tmp_path / name).read_text() for name in "ab"] == [1000 * "a", 1000 * "b"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "b"]
 
 
 def test_every_error_of_the_system_is_told_with_its_path_and_what_to_do():

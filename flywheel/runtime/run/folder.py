@@ -29,6 +29,7 @@ from pathlib import Path
 
 from flywheel.errors import ConfigError, RunError
 from flywheel.files import file_name
+from flywheel.outputs import remove_unfinished
 from flywheel.results import NOTHING, RESULT_FILE, Arm, DiagnosisNote, IterationResult, read, save
 from flywheel.robot_link import StandInConfig
 from flywheel.robot_link.opening import SIMULATED
@@ -229,6 +230,8 @@ class RunFolder:
                 f"There is a run in {self.path} already. Continue it with --resume, or give "
                 "another folder."
             )
+        for folder in (self.path, self.path / "iterations", *self.path.glob("models/*/**/")):
+            remove_unfinished(folder)
         stored = self.config()
         old, new = ({**decisive(each), "store": each.store} for each in (stored, config))
         if changes := list(differences(old, new)):

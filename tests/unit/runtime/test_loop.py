@@ -3,6 +3,8 @@
 import dataclasses
 import json
 import math
+import socket
+import subprocess
 from collections import Counter
 
 import numpy as np
@@ -73,6 +75,10 @@ def test_an_interrupted_run_records_only_what_is_missing(bench, monkeypatch):
         fail_at(patch, "i0001-mppi-collect-0001", error=stop)
         with pytest.raises(RunError, match="on purpose"):
             bench.turn()
+    dead = subprocess.Popen(["true"])
+    dead.wait()
+    unfinished = bench.files.path / "store" / "tmp" / f"{socket.gethostname()}+{dead.pid}+x"
+    unfinished.mkdir()
     recorded = Counter[str]()
     honest = EpisodeRecorder.record
 
@@ -83,6 +89,7 @@ def test_an_interrupted_run_records_only_what_is_missing(bench, monkeypatch):
     monkeypatch.setattr(EpisodeRecorder, "record", record)
     assert bench.turn(resume=True).finished
     assert recorded == {"i0001-mppi-collect-0001": 1, "i0001-mppi-evaluate-0000": 1}
+    assert not unfinished.exists(), "of a worker that was killed"
 
 
 def test_an_episode_whose_plant_diverges_is_not_stored_but_counted_and_told(bench, monkeypatch):

@@ -32,6 +32,18 @@ def test_whatever_a_run_is_called_its_key_is_one_that_mlflow_takes(folder, name)
     assert re.fullmatch(r"[A-Za-z0-9._-]{1,100}", key)
 
 
+def test_what_a_killed_driver_was_writing_is_gone_when_it_is_resumed(folder):
+    folder.begin(RunConfig(), resume=False)
+    served = folder.weights(0, "mppi").parent
+    for place in (folder.path, folder.path / "iterations", served.parent, served):
+        place.mkdir(parents=True, exist_ok=True)
+        (place / ".flywheel-123.tmp").touch()
+    (served / "weights.npz").touch()
+    folder.begin(RunConfig(), resume=True)
+    assert list(folder.path.rglob(".flywheel-*")) == []
+    assert (served / "weights.npz").exists()
+
+
 def test_a_folder_with_a_run_is_not_begun_again(folder):
     folder.begin(RunConfig(), resume=False)
     with pytest.raises(ConfigError, match="--resume"):
