@@ -13,6 +13,7 @@ from flywheel.outputs import write_output
 from flywheel.quantities import Bounds, Episodes, EpisodeSeconds, Name, PartialShare, Place
 from flywheel.robot_link import StandInConfig
 from flywheel.robot_link.opening import SIMULATED, check_way
+from flywheel.run_identity import HOW
 from flywheel.runtime.config.loading import read_config, yaml_of
 
 Planner = Literal["network", "given", "plant", "residual"]
@@ -33,10 +34,15 @@ def read_stand_in(folder: Path) -> StandInConfig | None:
     """The stand-in's description; None without one.
 
     Raises:
-      ConfigError: the file was changed and is invalid.
+      ConfigError: the file was changed and is invalid, or is not whole.
     """
     path = folder / STAND_IN_FILE
-    return read_config(StandInConfig, path) if path.exists() else None
+    if not path.exists():
+        return None
+    found = read_config(StandInConfig, path)
+    if missing := STAND_IN - found.model_fields_set:
+        raise ConfigError(f"{path} was altered: it lacks {', '.join(sorted(missing))}. {HOW}")
+    return found
 
 
 class RobotConfig(StandInConfig):

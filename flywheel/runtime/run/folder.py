@@ -241,7 +241,7 @@ class RunFolder:
                 "another folder."
             )
         self._check_robot(config)
-        self._check_stand_in(config)
+        self._check_stand_in(stored, config)
         return self.begun().identity
 
     def _check_empty(self) -> None:
@@ -270,13 +270,16 @@ class RunFolder:
                 "that MJCF."
             )
 
-    def _check_stand_in(self, config: RunConfig) -> None:
-        """Reject another stand-in than at the start of the run; an omitted description counts as
-        the same.
+    def _check_stand_in(self, stored: RunConfig, config: RunConfig) -> None:
+        """Reject another stand-in than at the start of the run, and one whose description is gone; an
+        omitted description counts as the same.
         """
-        if config.robot is None or config.robot.stand_in == StandInConfig():
+        if config.robot is None or stored.robot is None:
             return
-        if config.robot.stand_in != read_stand_in(self.robot_folder):
+        kept = read_stand_in(self.robot_folder)
+        if kept is None and stored.robot.link == SIMULATED:
+            raise ConfigError(f"There is no file {self.robot_folder / STAND_IN_FILE}. {HOW}")
+        if config.robot.stand_in not in (StandInConfig(), kept):
             raise ConfigError(
                 f"The run in {self.path} was started on another robot: its hidden effects, or its "
                 f"sensors, differ from {self.robot_folder.name}/{STAND_IN_FILE}. Start a new run "

@@ -206,6 +206,9 @@ class Inventory:
         """Missing files of iterations that are followed by later ones, or that the result names."""
         told = self._result[0].iterations if self._result else ()
         wanted = {name_of(each.iteration, each.arm): "result.json tells of it" for each in told}
+        for name, (result, _) in self._turns.items():
+            if result.diagnosis is not None:
+                wanted[f"i{result.iteration:04d}-diagnosis"] = f"iterations/{name}.json tells of it"
         arms = ARMS if self._config is None or self._config.control_arm else ARMS[:1]
         for iteration in range(max(map(_number, self._turns), default=0)):
             for arm in arms if iteration else ARMS[:1]:

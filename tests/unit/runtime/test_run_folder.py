@@ -5,14 +5,17 @@ import re
 
 import pytest
 
+from flywheel.data import TrajectoryStore
 from flywheel.errors import ConfigError, DataError, FlywheelError, RunError
 from flywheel.results import DiagnosisNote, IterationResult
 from flywheel.robot_link import StandInConfig
 from flywheel.robots import load_robot
+from flywheel.runtime.config.robot_config import STAND_IN_FILE
 from flywheel.runtime.config.run_config import RunConfig, config_digest, continued
 from flywheel.runtime.loop import _from_here_on
 from flywheel.runtime.pool.progress import Lines
 from flywheel.runtime.run.folder import RunFolder
+from flywheel.runtime.run.inventory import Inventory
 
 
 @pytest.fixture
@@ -86,6 +89,45 @@ def test_settings_that_are_not_as_at_the_start_are_told():
         "workers.sim: 1 -> 2.",
     ]
     assert _from_here_on(stored, stored, Lines(said.append)) == stored and len(said) == 2
+
+
+@pytest.mark.parametrize("given", [{}, {"hidden": ["payload"], "noise": 0.01}])
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (None, "There is no file .*stand_in.yaml. Restore a copy"),
+        ("", "stand_in.yaml was altered: it lacks burst, contact, "),
+        (
+            "hidden: [payload]\nnoise: 0.01\n",
+            "stand_in.yaml was altered: it lacks burst, contact, ",
+        ),
+    ],
+)
+def test_a_run_does_not_go_on_with_another_stand_in_where_its_own_is_gone(
+    folder, given, text, message
+):
+    folder.begin(RunConfig(robot={"hidden": ["payload"], "noise": 0.01}), resume=False)
+    file = folder.robot_folder / STAND_IN_FILE
+    file.unlink()
+    if text is not None:
+        file.write_text(text)
+    with pytest.raises(ConfigError, match=message):
+        folder.begin(RunConfig(robot=given), resume=True)
+
+
+def test_a_missing_diagnosis_of_a_finished_iteration_is_a_fault(folder, tmp_path):
+    folder.begin(RunConfig(), resume=False)
+    note = DiagnosisNote(verdict="EFFECT", adopted=True, noise=1.0, baseline=2.0, augmented=1.0)
+    note = folder.keep_diagnosis(1, note, "page")
+    folder.finish(IterationResult(iteration=1, snapshot="s", model="m", diagnosis=note))
+
+    def missing() -> list[str]:
+        faults = Inventory(folder, TrajectoryStore(tmp_path / "store")).faults()
+        return [fault.where for fault in faults if "diagnosis" in fault.where]
+
+    assert missing() == []
+    (tmp_path / "iterations" / "i0001-diagnosis.json").unlink()
+    assert missing() == ["iterations/i0001-diagnosis.json"]
 
 
 def test_another_store_is_refused_since_other_commands_would_not_know_it(folder):
