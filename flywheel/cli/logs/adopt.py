@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import shlex
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from flywheel.cli.console import console, table
 from flywheel.cli.options import LawFiles
 from flywheel.quantities import Bounds
+
+if TYPE_CHECKING:
+    from flywheel.effects import AdoptedPlant
+    from flywheel.robots import Robot
 
 
 def adopt(
@@ -36,49 +40,61 @@ def adopt(
     """
     from flywheel.cli.models import Library, adopted_file
     from flywheel.diagnosis import adoption
+    from flywheel.effects import AdoptedPlant
+
+    summary, library = _read(answer_file), Library.of(effects_from)
+    parent = adopted_file(robot)
+    diagnosed = _diagnosed(answer_file, summary, robot, parent)
+    path = adoption.adopt(summary, diagnosed, out, answer, parent, library.known)
+    _show(path, AdoptedPlant.read(path)[0])
+
+
+def _diagnosed(file: Path, summary: dict[str, Any], name: str, parent: Path | None) -> Robot:
+    """The robot of a name, whose plant an answer is about.
+
+    Raises:
+      DataError: it is about another robot, or about a plant with other effects.
+    """
     from flywheel.diagnosis.results.answer import Answer
     from flywheel.effects import AdoptedPlant
     from flywheel.errors import DataError
     from flywheel.robots import load_robot
 
-    summary, library = _read(answer_file), Library.of(effects_from)
-    parent = adopted_file(robot)
     there: list[str] = []
     if parent is None:
-        diagnosed = load_robot(robot)
+        robot = load_robot(name)
     else:
-        before, diagnosed = AdoptedPlant.read(parent)
-        there = [effect.label for effect in before.effects]
+        plant, robot = AdoptedPlant.read(parent)
+        there = [effect.label for effect in plant.effects]
     about = Answer.of(summary).robot
-    if about.digest != diagnosed.digest:
+    if about.digest != robot.digest:
         raise DataError(
-            f"{answer_file} is about {about.name or 'an unknown robot'} ({about.digest[:12]}), not "
-            f"{diagnosed.name} ({diagnosed.digest[:12]})."
+            f"{file} is about {about.name or 'an unknown robot'} ({about.digest[:12]}), not "
+            f"{robot.name} ({robot.digest[:12]})."
         )
     if about.effects is not None and sorted(about.effects) != sorted(there):
         then, now = (", ".join(labels) or "no effect" for labels in (about.effects, there))
         raise DataError(
-            f"{answer_file} is about a plant with {then}; {robot} has {now}. An answer replaces all effects "
-            "of its plant: name the robot as `diagnose` did, or diagnose this one."
+            f"{file} is about a plant with {then}; {name} has {now}. An answer replaces all effects of "
+            "its plant: name the robot as `diagnose` did, or diagnose this one."
         )
-    path = adoption.adopt(summary, diagnosed, out, answer, parent, library.known)
-    plant, _ = AdoptedPlant.read(path)
+    return robot
+
+
+def _show(path: Path, plant: AdoptedPlant) -> None:
+    """Print an adopted plant's effects, and how to use its file."""
     rows = [
         (effect.effect, effect.location, name, value)
         for effect in plant.effects
         for name, value in effect.parameters.items()
     ]
-    shown = console()
-    shown.print(table(f"{path.parent}", ("effect", "at", "parameter", "#value"), rows))
+    shown, folder = console(), str(path.parent)
+    shown.print(table(folder, ("effect", "at", "parameter", "#value"), rows))
     laws = [str(path.parent / law.file) for law in plant.effects_from]
-    asked = [
-        "--robot",
-        str(path.parent),
-        *(word for law in laws for word in ("--effects-from", law)),
-    ]
+    options = [word for law in laws for word in ("--effects-from", law)]
     run = [f"effects={path}", *([f"effects_from=[{','.join(laws)}]"] if laws else [])]
     for line in (
-        f"Diagnose and compare with {shlex.join(asked)}.",
+        f"Diagnose and compare with {shlex.join(['--robot', folder, *options])}.",
         f"Run with {shlex.join(run)}: data are then simulated on this plant.",
     ):
         shown.print(line, soft_wrap=True, markup=False)
