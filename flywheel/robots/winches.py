@@ -167,6 +167,10 @@ def _unmet(model: mujoco.MjModel, actuator: int) -> list[str]:
             f"{tuple(force.tolist())}",
         ),
         (
+            not model.tendon_actfrclimited[model.actuator_trnid[actuator, 0]],
+            "have its limit as its forcerange, not as its tendon's actuatorfrcrange",
+        ),
+        (
             model.actuator_ctrllimited[actuator],
             f"have a ctrlrange{_counting('ctrl', model.actuator_ctrllimited[actuator], control)}",
         ),

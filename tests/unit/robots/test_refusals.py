@@ -158,6 +158,10 @@ def test_the_example_itself_is_accepted() -> None:
             [('forcerange="-99 0"', 'forcerange="-99 99"')],
             r"'reel' must only pull.*\(-99.0, 99.0\)",
         ),
+        (
+            [('<spatial name="cord">', '<spatial name="cord" actuatorfrcrange="-60 0">')],
+            "'reel' must have its limit as its forcerange, not as its tendon's actuatorfrcrange",
+        ),
         ([('biasprm="0 -500 -5"', 'biasprm="0 -5 -5"')], 'gainprm 500 and biasprm "0 -5 -5"'),
         ([('dyntype="integrator"', 'dyntype="filter" dynprm=".1"')], "'reel' must have dyntype"),
         (
