@@ -14,8 +14,8 @@ from flywheel.records import Floats, State
 # contacts make every one of them blind somewhere.
 STATE_STEPS = (2e-3, 8e-3, 5e-4)
 WINCH_STEP = 1e-3  # of a winch's offset, in lengths of the robot
-# Distance, in lengths of the robot, from the points in a window's own steps (RMS) above which `hasty` ones lead
-# nowhere: cables too stiff for them. Shipped robots stay within a hundredth.
+# Distance from the points in a window's own steps, in lengths of the robot, above which `hasty` ones lead
+# nowhere: cables are too stiff for them. Shipped robots stay within a hundredth.
 STRAY = 0.05
 
 
