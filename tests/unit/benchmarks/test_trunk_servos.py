@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.trunk_servos import DT, MOTORS, ServoLog, mjcf, write_servo_log
+from benchmarks.trunk_servos import BEFORE, DT, MOTORS, ServoLog, mjcf, write_servo_log
 from flywheel.cli.console import console
 from flywheel.cli.logs.reading import read_logs
 from flywheel.robots import read_robot
@@ -31,8 +31,9 @@ def test_the_log_is_one_of_the_robot(log: ServoLog, tmp_path: Path) -> None:
     robot = read_robot(mjcf())
     write_servo_log(tmp_path / "monday.csv", log, robot)
     (read,) = read_logs([tmp_path / "monday.csv"], robot, DT, console())
-    seen = read.trajectory.observations
-    height = robot.keyframe.qpos[2] - seen.points[:, 0, 2]
-    np.testing.assert_allclose(height, 0.1 * log.had[:, 0], atol=1e-9)
+    seen, begun = read.trajectory.observations, round(BEFORE / DT)
+    assert np.isnan(seen.points[:begun]).all()
+    height = robot.keyframe.qpos[2] - seen.points[begun:, 0, 2]
+    np.testing.assert_allclose(height, 0.1 * log.had[begun:, 0], atol=1e-9)
     assert seen.winch[0, 2] == pytest.approx(1.0 + 0.1 * log.had[0, 2])
     assert np.isnan(seen.winch[1:]).all()
