@@ -121,10 +121,9 @@ def _refuse_unfit(model: mujoco.MjModel, driving: list[int]) -> None:
     """Refuse actuators that are not winches', with everything that they lack."""
     problems = Problems()
     for actuator in driving:
-        for need in _unmet(model, actuator):
-            words, _, got = need.partition("; got ")
-            name = called(model, "actuator", actuator)
-            problems.add_alike("actuator", name, f"{{}} must {words}.", got)
+        name = called(model, "actuator", actuator)
+        for must, got in _unmet(model, actuator):
+            problems.add_alike("actuator", name, f"{{}} must {must}.", got)
     problems.check()
 
 
@@ -145,82 +144,99 @@ def _no_winch(model: mujoco.MjModel, actuator: int) -> str:
     return ""
 
 
-def _unmet(model: mujoco.MjModel, actuator: int) -> list[str]:
-    """Unmet requirements on a winch's actuator, each after "must"."""
+def _unmet(model: mujoco.MjModel, actuator: int) -> list[tuple[str, str]]:
+    """Unmet requirements on a winch's actuator: each after "must", and what it got, if that is told."""
     force = model.actuator_forcerange[actuator]
     kind = kind_of(model, actuator)
-    limits, control = model.actuator_actrange[actuator], model.actuator_ctrlrange[actuator]
     if reason := _no_winch(model, actuator):
-        return [reason]
-    what = "tension" if kind == "tension" else "rest length"
+        return [(reason, "")]
     needs = [
         (
             kind is not None,
             'have dyntype "integrator" (takes the rate of a rest length) or "filterexact" (takes a rest '
             "length, as a <position> with timeconst does)",
+            "",
         ),
         *_laws(model, actuator),
         (
             model.actuator_forcelimited[actuator] and force[0] < 0 == force[1],
             'only pull, with a forcerange "-F 0"'
-            f"{_counting('force', model.actuator_forcelimited[actuator], force)}; got "
+            f"{_counting('force', model.actuator_forcelimited[actuator], force)}",
             f"{tuple(force.tolist())}",
         ),
         (
             not model.tendon_actfrclimited[model.actuator_trnid[actuator, 0]],
             "have its limit as its forcerange, not as its tendon's actuatorfrcrange",
+            "",
         ),
-        (
-            model.actuator_ctrllimited[actuator],
-            f"have a ctrlrange{_counting('ctrl', model.actuator_ctrllimited[actuator], control)}",
-        ),
-        (
-            kind != "rate" or control[0] <= 0 <= control[1],
-            f"be able to hold: its ctrlrange must include 0; got {control[0]:g} to {control[1]:g}",
-        ),
-        (
-            kind in ("rate", None) or control[0] >= 0,
-            f"have no ctrlrange below 0: it is a {what}; got {control[0]:g} to {control[1]:g}",
-        ),
-        (
-            model.actuator_actlimited[actuator] or kind != "rate",
-            "have an actrange (shortest and longest rest length)"
-            f"{_counting('act', model.actuator_actlimited[actuator], limits)}",
-        ),
-        (
-            not model.actuator_actlimited[actuator] or limits[0] >= 0,
-            f"have no actrange below 0: it is a {what}; got {limits[0]:g} to {limits[1]:g}",
-        ),
+        *_ranges(model, actuator),
         (
             (model.actuator_gear[actuator] == [1, 0, 0, 0, 0, 0]).all(),
             "have gear 1 (the same without a gear g: gainprm and biasprm times g^2, forcerange times g, and "
             "act, actrange and ctrlrange divided by g)",
+            "",
         ),
-        (kind is None or model.actuator_actnum[actuator] == 1, "have one activation"),
+        (kind is None or model.actuator_actnum[actuator] == 1, "have one activation", ""),
     ]
-    return [need for met, need in needs if not met]
+    return [(must, got) for met, must, got in needs if not met]
 
 
-def _laws(model: mujoco.MjModel, actuator: int) -> list[tuple[bool, str]]:
-    """Requirements on the gain and the bias of a winch's actuator: if they are met, and what it must do."""
+def _laws(model: mujoco.MjModel, actuator: int) -> list[tuple[bool, str, str]]:
+    """Requirements on the gain and the bias of a winch's actuator: if they are met, and as of `_unmet`."""
     gain, bias = model.actuator_gainprm[actuator, 0], model.actuator_biasprm[actuator]
     fixed = model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_FIXED
     affine = model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_AFFINE
     if kind_of(model, actuator) == "tension":
         none = model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_NONE
         return [
-            (fixed and gain == -1, f'have gaintype "fixed" and gainprm "-1"; got {gain:g}'),
+            (fixed and gain == -1, 'have gaintype "fixed" and gainprm "-1"', f"{gain:g}"),
             (
                 none or (affine and bias[0] == 0 and bias[2] <= 0),
-                f'have biastype "affine" and biasprm "0 0 -c"; got "{bias[0]:g} 0 {bias[2]:g}"',
+                'have biastype "affine" and biasprm "0 0 -c"',
+                f'"{bias[0]:g} 0 {bias[2]:g}"',
             ),
         ]
     return [
-        (fixed and gain > 0, 'have gaintype "fixed" and gainprm k > 0, the stiffness [N/m]'),
+        (fixed and gain > 0, 'have gaintype "fixed" and gainprm k > 0, the stiffness [N/m]', ""),
         (
             affine and bias[0] == 0 and np.isclose(bias[1], -gain) and bias[2] <= 0,
-            f'have biastype "affine" and biasprm "0 -k -c"; got gainprm {gain:g} and biasprm '
-            f'"{bias[0]:g} {bias[1]:g} {bias[2]:g}"',
+            'have biastype "affine" and biasprm "0 -k -c"',
+            f'gainprm {gain:g} and biasprm "{bias[0]:g} {bias[1]:g} {bias[2]:g}"',
+        ),
+    ]
+
+
+def _ranges(model: mujoco.MjModel, actuator: int) -> list[tuple[bool, str, str]]:
+    """Requirements on the ranges of a winch's commands and rest lengths, as of `_laws`."""
+    kind = kind_of(model, actuator)
+    what = "tension" if kind == "tension" else "rest length"
+    limits, control = model.actuator_actrange[actuator], model.actuator_ctrlrange[actuator]
+    return [
+        (
+            model.actuator_ctrllimited[actuator],
+            f"have a ctrlrange{_counting('ctrl', model.actuator_ctrllimited[actuator], control)}",
+            "",
+        ),
+        (
+            kind != "rate" or control[0] <= 0 <= control[1],
+            "be able to hold: its ctrlrange must include 0",
+            f"{control[0]:g} to {control[1]:g}",
+        ),
+        (
+            kind in ("rate", None) or control[0] >= 0,
+            f"have no ctrlrange below 0: it is a {what}",
+            f"{control[0]:g} to {control[1]:g}",
+        ),
+        (
+            model.actuator_actlimited[actuator] or kind != "rate",
+            "have an actrange (shortest and longest rest length)"
+            f"{_counting('act', model.actuator_actlimited[actuator], limits)}",
+            "",
+        ),
+        (
+            not model.actuator_actlimited[actuator] or limits[0] >= 0,
+            f"have no actrange below 0: it is a {what}",
+            f"{limits[0]:g} to {limits[1]:g}",
         ),
     ]
 

@@ -13,13 +13,14 @@ from flywheel.records import Floats
 POSITION = (".x", ".y", ".z")  # columns of a marker, or of a body's position
 QUATERNION = (".qx", ".qy", ".qz", ".qw")  # columns of a body's rotation
 ANGLES = (".rx", ".ry", ".rz")  # the same in three angles, in the order of the file
+# Columns of times, even where the map does not say so.
 TIME_NAMES = (
     "time",
     "t",
     "timestamp",
     "timestamps",
     "stamp",
-)  # columns of times, even where the map does not say so
+)
 
 
 @dataclass(frozen=True)
