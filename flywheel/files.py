@@ -268,6 +268,11 @@ def _deeper_than(values: Any, most: int) -> bool:
     return any(isinstance(each, dict | list) for each in level)
 
 
+def is_plain(text: str) -> bool:
+    """True if a text can be shown to people: no control characters, and all of it was UTF-8."""
+    return all(unicodedata.category(c) not in ("Cc", "Cs") or c in "\t\r\n" for c in text)
+
+
 def shown(value: object) -> str:
     """A value for a message: the beginning of its repr, for any size or depth."""
     try:

@@ -184,6 +184,37 @@ def test_no_files_import_each_other_in_a_circle() -> None:
     assert cycles(graph) == []
 
 
+def of_folders(graph: Mapping[str, set[str]], depth: int) -> dict[str, set[str]]:
+    """The graph of the folders that deep below the top, of files above them, and of what they import."""
+
+    def place(module: str) -> str:
+        return ".".join(module.split(".")[:depth])
+
+    folders: dict[str, set[str]] = {place(module): set() for module in graph}
+    for module, others in graph.items():
+        folders[place(module)] |= {place(other) for other in others} - {place(module)}
+    return folders
+
+
+def test_no_folders_import_each_other_in_a_circle() -> None:
+    graph = import_graph({module_of(path): path.read_text() for path in sources("flywheel")})
+    deepest = max(module.count(".") for module in graph)
+    for depth in range(3, deepest + 1):  # rows above say it of the packages
+        assert cycles(of_folders(graph, depth)) == [], depth
+
+
+def test_a_circle_of_folders_is_found() -> None:
+    files = {
+        "f.p.a.one": "import f.p.b.one",
+        "f.p.b.one": "",
+        "f.p.b.two": "import f.p.a.two",
+        "f.p.a.two": "import f.q",
+        "f.q": "",
+    }
+    assert cycles(import_graph(files)) == []
+    assert cycles(of_folders(import_graph(files), 3)) == [["f.p.a", "f.p.b"]]
+
+
 def test_a_circle_of_imports_is_found() -> None:
     files = {
         "p.a": "from p import b",

@@ -19,10 +19,11 @@ from torch.utils.flop_counter import FlopCounterMode
 from flywheel.dynamics.arithmetic import Device
 from flywheel.dynamics.gnn.config import NetworkConfig
 from flywheel.dynamics.gnn.fused import FusedForward
-from flywheel.dynamics.gnn.learned import BLOCK, LearnedDynamics, one_thread_per_operation
+from flywheel.dynamics.gnn.learned import BLOCK, LearnedDynamics
 from flywheel.dynamics.gnn.network import ChunkNetwork
 from flywheel.dynamics.gnn.prediction import ForwardFactory
 from flywheel.dynamics.gnn.simulator import Simulator
+from flywheel.dynamics.threads import one_thread_per_operation
 from flywheel.records import Observation, Past
 from flywheel.robots import Robot
 

@@ -27,6 +27,7 @@ from flywheel.runtime.run.context import Run
 from flywheel.runtime.run.folder import RunFolder
 from flywheel.runtime.run.inventory import check_sound
 from flywheel.runtime.run.provenance import end_rests_on, keep, result_so_far
+from flywheel.runtime.run.publish import Page
 from flywheel.runtime.run.suitability import check_new, check_reached
 from flywheel.runtime.stages import (
     Iteration,
@@ -43,7 +44,6 @@ from flywheel.runtime.stages.on_robot import score_finally
 from flywheel.runtime.stages.video import filmed
 from flywheel.runtime.tracking.dashboard import DATABASE, database_uri
 from flywheel.runtime.tracking.mlflow_client import Board
-from flywheel.runtime.tracking.publish import Page
 from flywheel.runtime.tracking.tracker import Tracker
 from flywheel.runtime.workers.robot_worker import RobotWorker
 from flywheel.runtime.workers.sim_worker import SimWorker

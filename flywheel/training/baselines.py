@@ -14,9 +14,9 @@ from torch import Tensor
 from flywheel.dynamics.baselines import LinearDynamics
 from flywheel.dynamics.baselines.engine import CONTACT, LARGEST, LEAST, USUAL, RigidBodyEngine
 from flywheel.dynamics.baselines.weights import FitModel
-from flywheel.dynamics.gnn.learned import one_thread_per_operation
 from flywheel.dynamics.plant import Reckoning
 from flywheel.dynamics.protocol import Dynamics
+from flywheel.dynamics.threads import one_thread_per_operation
 from flywheel.errors import DataError, ModelError
 from flywheel.quantities import Bounds, Factor, HorizonSeconds, OptimiserSteps, Samples, Seed
 from flywheel.records import Floats, Past, Trajectory

@@ -19,7 +19,6 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from flywheel.dynamics.gnn.learned import one_thread_per_operation
 from flywheel.dynamics.plant import Reckoning, RestartedPlant
 from flywheel.dynamics.residual import (
     Knots,
@@ -31,6 +30,7 @@ from flywheel.dynamics.residual import (
     displaced,
     mean_offsets,
 )
+from flywheel.dynamics.threads import one_thread_per_operation
 from flywheel.errors import DataError, ModelError
 from flywheel.quantities import (
     Bounds,

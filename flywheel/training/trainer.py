@@ -29,7 +29,7 @@ from flywheel.dynamics.gnn import (
     weights_digest,
     widen_winches,
 )
-from flywheel.dynamics.gnn.learned import one_thread_per_operation
+from flywheel.dynamics.threads import one_thread_per_operation
 from flywheel.errors import ConfigError, ModelError
 from flywheel.robots import Robot
 from flywheel.training.checkpoint import (

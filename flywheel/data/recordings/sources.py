@@ -11,8 +11,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_validator
 
 from flywheel.data.recordings.formats import FORMATS
-from flywheel.data.recordings.tables.table import LONGEST_NAME, is_plain
-from flywheel.files import shown
+from flywheel.files import is_plain, shown
 from flywheel.quantities import NOISE, Bounds
 from flywheel.validation import Frozen
 
@@ -23,6 +22,7 @@ ANGLES = {"rad": 1.0, "deg": math.pi / 180, "turn": 2 * math.pi}  # of a winch's
 TICKS = "ticks"  # of an encoder, so many per turn of the drum
 QUANTITY = re.compile(r"\s*([-+]?\d*\.?\d+(?:[eE][-+]?\d+)?)\s*(?:/\s*turn|([a-z]*))\s*")
 HOLD = "hold"
+LONGEST_NAME = 200  # characters of a column's name
 TimeUnit = Literal["s", "ms", "us", "ns", "min", "h"]
 
 

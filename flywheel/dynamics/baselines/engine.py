@@ -11,13 +11,17 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from flywheel.dynamics.baselines.attachments import AttachmentGuess, winch_offsets, with_attachments
 from flywheel.dynamics.baselines.inputs import check_shapes
-from flywheel.dynamics.baselines.mechanics import ContactNumbers, Mechanics, RigidState
-from flywheel.dynamics.gnn.ground import Ground, ground_of
-from flywheel.dynamics.gnn.learned import one_thread_per_operation
 from flywheel.dynamics.plant import Plant, RestartedPlant
 from flywheel.dynamics.plant.roll import rest_lengths
+from flywheel.dynamics.rigid_bodies.ground import Ground, ground_of
+from flywheel.dynamics.rigid_bodies.guessed_attachments import (
+    AttachmentGuess,
+    winch_offsets,
+    with_attachments,
+)
+from flywheel.dynamics.rigid_bodies.mechanics import ContactNumbers, Mechanics, RigidState
+from flywheel.dynamics.threads import one_thread_per_operation
 from flywheel.errors import ModelError
 from flywheel.records import Floats, Past, Rollout, State
 from flywheel.robots import Robot

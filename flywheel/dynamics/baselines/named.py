@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from flywheel.dynamics.baselines.attachments import AttachmentGuess
 from flywheel.dynamics.baselines.engine import EngineConfig, RigidBodyEngine
 from flywheel.dynamics.baselines.persistence import Persistence
 from flywheel.dynamics.plant import Plant, RestartedPlant
 from flywheel.dynamics.protocol import Dynamics
+from flywheel.dynamics.rigid_bodies.guessed_attachments import AttachmentGuess
 from flywheel.robots import Robot
 
 Maker = Callable[[Robot, float, int], Dynamics]

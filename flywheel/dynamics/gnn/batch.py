@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from torch import Tensor
 
-from flywheel.dynamics.gnn.ground import Ground, View, ground_of
+from flywheel.dynamics.rigid_bodies.ground import Ground, View, ground_of
 from flywheel.terrain import Terrain
 
 

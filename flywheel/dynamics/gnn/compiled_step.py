@@ -10,11 +10,11 @@ import torch
 from torch import Tensor
 
 from flywheel.dynamics.gnn.features import DEPTH, GraphFeatures, MechanicalState, feature_fields
-from flywheel.dynamics.gnn.ground import Ground
 from flywheel.dynamics.gnn.kernels import ends, features, loads, motion
 from flywheel.dynamics.gnn.prediction import Prediction
 from flywheel.dynamics.gnn.rigid import nearest_rotation
 from flywheel.dynamics.gnn.step import Motion, Parts
+from flywheel.dynamics.rigid_bodies.ground import Ground
 
 
 class CompiledStep:

@@ -15,9 +15,9 @@ from torch import Tensor
 from flywheel.dynamics.gnn.attachments import Attachments
 from flywheel.dynamics.gnn.config import NetworkConfig
 from flywheel.dynamics.gnn.graph import RobotGraph
-from flywheel.dynamics.gnn.ground import Ground, flat_ground
 from flywheel.dynamics.gnn.loads import CableLoads
 from flywheel.dynamics.gnn.rigid import Frames
+from flywheel.dynamics.rigid_bodies.ground import Ground, flat_ground
 from flywheel.robots import GRAVITY, Robot
 
 DEPTH = 1e-3  # clearance from which its logarithm is shown, as a fraction of the robot's length

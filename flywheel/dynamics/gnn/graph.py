@@ -18,9 +18,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from flywheel.dynamics.baselines.attachments import with_attachments
 from flywheel.dynamics.gnn.config import NetworkConfig
 from flywheel.dynamics.gnn.nodes import anchors, body_nodes, cable_constants, find, node_constants
+from flywheel.dynamics.rigid_bodies.guessed_attachments import with_attachments
 from flywheel.effects import Scales
 from flywheel.records import Floats
 from flywheel.robots import Attachment, Robot

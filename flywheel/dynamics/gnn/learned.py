@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import copy
-import itertools
 import sys
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from functools import cached_property, partial
 
 import numpy as np
@@ -16,10 +13,11 @@ from torch import Tensor
 
 from flywheel.dynamics.arithmetic import Device, Precision
 from flywheel.dynamics.gnn.devices import check_device
-from flywheel.dynamics.gnn.ground import ground_of
 from flywheel.dynamics.gnn.network import ChunkNetwork
 from flywheel.dynamics.gnn.simulator import Simulator, Start
 from flywheel.dynamics.gnn.weights import weights_digest
+from flywheel.dynamics.rigid_bodies.ground import ground_of
+from flywheel.dynamics.threads import one_thread_per_operation, shares
 from flywheel.errors import ModelError
 from flywheel.records import Floats, Past, Rollout
 from flywheel.robots import Robot
@@ -140,28 +138,3 @@ class LearnedDynamics:
             f"The network {self.digest[:12]} predicts a non-finite number for candidate "
             f"{candidate} from {step * self.dt:.2f} s on ({count} of {len(points)} candidates)."
         )
-
-
-def shares(batch: int, block: int, threads: int) -> list[slice]:
-    """Blocks of a batch: of equal size, at most `block`, for all threads if that pays off.
-
-    A batch of at most one block is never cut, so that blocks are the same wherever they are
-    computed.
-    """
-    worth_a_thread = block // 2 + 1  # with fewer candidates each, threads wait for each other
-    count = max(1, -(-batch // block), min(threads, batch // worth_a_thread))
-    if count > threads:
-        count = -(-count // threads) * threads
-    ends = np.linspace(0, batch, count + 1).round().astype(int)
-    return [slice(int(a), int(b)) for a, b in itertools.pairwise(ends)]
-
-
-@contextmanager
-def one_thread_per_operation() -> Iterator[None]:
-    """Keep torch from splitting one small operation over threads, which is slower on a busy machine."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)

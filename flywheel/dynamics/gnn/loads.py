@@ -14,10 +14,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from flywheel.dynamics.baselines.mechanics import tension
 from flywheel.dynamics.gnn.attachments import Attachments
 from flywheel.dynamics.gnn.graph import RobotGraph
 from flywheel.dynamics.gnn.rigid import Frames
+from flywheel.dynamics.rigid_bodies.mechanics import tension
 from flywheel.records import Floats
 from flywheel.robots import Body
 

@@ -10,8 +10,8 @@ from torch import Tensor
 
 from flywheel.dynamics.gnn.features import GraphFeatures, MechanicalState
 from flywheel.dynamics.gnn.graph import RobotGraph
-from flywheel.dynamics.gnn.ground import Ground, flat_ground
 from flywheel.dynamics.gnn.network import ChunkNetwork
+from flywheel.dynamics.rigid_bodies.ground import Ground, flat_ground
 
 Memory = tuple[Tensor, Tensor]
 """The LSTM's hidden and cell state, (N K, width) each, node-major."""

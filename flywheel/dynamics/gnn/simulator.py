@@ -21,7 +21,6 @@ from flywheel.dynamics.gnn.compiled_network import prepared
 from flywheel.dynamics.gnn.compiled_step import CompiledStep
 from flywheel.dynamics.gnn.config import NetworkConfig
 from flywheel.dynamics.gnn.features import MechanicalState
-from flywheel.dynamics.gnn.ground import Ground, flat_ground
 from flywheel.dynamics.gnn.network import ChunkNetwork
 from flywheel.dynamics.gnn.prediction import (
     Forward,
@@ -32,6 +31,7 @@ from flywheel.dynamics.gnn.prediction import (
     expanded,
 )
 from flywheel.dynamics.gnn.step import Parts, Step, StepFactory, TorchStep
+from flywheel.dynamics.rigid_bodies.ground import Ground, flat_ground
 from flywheel.errors import ModelError
 from flywheel.robots import GRAVITY, Robot
 

@@ -12,11 +12,11 @@ from flywheel.dynamics.gnn.attachments import Attachments
 from flywheel.dynamics.gnn.config import NetworkConfig
 from flywheel.dynamics.gnn.features import FeatureBuilder, GraphFeatures, MechanicalState, turn_back
 from flywheel.dynamics.gnn.graph import RobotGraph
-from flywheel.dynamics.gnn.ground import Ground
 from flywheel.dynamics.gnn.past import PastReader
 from flywheel.dynamics.gnn.prediction import Prediction
 from flywheel.dynamics.gnn.rigid import Frames
 from flywheel.dynamics.gnn.winches import Winches
+from flywheel.dynamics.rigid_bodies.ground import Ground
 from flywheel.robots import Robot
 
 Motion = tuple[Tensor, Tensor, Tensor]

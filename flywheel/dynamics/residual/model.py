@@ -11,11 +11,11 @@ from functools import cached_property, partial
 import numpy as np
 import torch
 
-from flywheel.dynamics.gnn.learned import one_thread_per_operation, shares
 from flywheel.dynamics.plant import RestartedPlant
 from flywheel.dynamics.residual.config import ResidualConfig
 from flywheel.dynamics.residual.motion import Knots, Units, knots_of
 from flywheel.dynamics.residual.network import ResidualNetwork, displaced
+from flywheel.dynamics.threads import one_thread_per_operation, shares
 from flywheel.effects import Scales
 from flywheel.errors import ModelError
 from flywheel.records import Floats, Observation, Past, Rollout, Trajectory

@@ -12,8 +12,8 @@ from flywheel.dynamics.baselines.engine import (
     EngineConfig,
     RigidBodyEngine,
 )
-from flywheel.dynamics.gnn.ground import flat_ground
 from flywheel.dynamics.plant import Plant
+from flywheel.dynamics.rigid_bodies.ground import flat_ground
 from flywheel.errors import DataError, ModelError, RobotError
 from flywheel.records import Observation, Past, State, Trajectory
 from flywheel.robots import Robot, load_robot, read_robot

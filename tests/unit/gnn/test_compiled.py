@@ -10,8 +10,8 @@ import torch
 from flywheel.dynamics.gnn import ChunkNetwork, NetworkConfig, Simulator
 from flywheel.dynamics.gnn.compiled_network import CompiledForward, prepared
 from flywheel.dynamics.gnn.fused import FusedForward
-from flywheel.dynamics.gnn.ground import flat_ground, ground_of
 from flywheel.dynamics.gnn.step import TorchStep
+from flywheel.dynamics.rigid_bodies.ground import flat_ground, ground_of
 from flywheel.terrain import Terrain
 from tests.unit.gnn.conftest import boxes_around
 

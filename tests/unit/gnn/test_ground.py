@@ -8,8 +8,8 @@ import pytest
 import torch
 
 from flywheel.dynamics.gnn import LearnedDynamics, NetworkConfig, Simulator, View, ground_of
-from flywheel.dynamics.gnn.ground import flat_ground
 from flywheel.dynamics.plant.world import scene
+from flywheel.dynamics.rigid_bodies.ground import flat_ground
 from flywheel.errors import DataError
 from flywheel.records import Observation, Past
 from flywheel.terrain import Box, Terrain, with_boxes

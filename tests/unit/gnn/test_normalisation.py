@@ -12,7 +12,7 @@ from flywheel.dynamics.gnn import (
     fit_normalisation,
     widen_winches,
 )
-from flywheel.dynamics.gnn.ground import flat_ground
+from flywheel.dynamics.rigid_bodies.ground import flat_ground
 from flywheel.errors import DataError
 
 

@@ -7,7 +7,7 @@ import pytest
 from flywheel.reports.conclusions import conclusions, headline
 from flywheel.reports.page import render_page, robot_rows, robot_time
 from flywheel.results import RunResult
-from flywheel.runtime.tracking.publish import iteration_values
+from flywheel.runtime.run.publish import iteration_values
 from tests.unit.reports.fake_run import fake_run, with_robot
 
 

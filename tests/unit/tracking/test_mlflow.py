@@ -15,9 +15,9 @@ import pytest
 
 from flywheel.results import GateDecision, RunResult
 from flywheel.runtime.run.folder import RunFolder
+from flywheel.runtime.run.publish import Page
 from flywheel.runtime.tracking.dashboard import ui_command
 from flywheel.runtime.tracking.mlflow_client import Board
-from flywheel.runtime.tracking.publish import Page
 from flywheel.runtime.tracking.tracker import Tracker, TrackingConfig
 from tests.full_disk import complaints, files_end_at
 from tests.unit.reports.fake_run import fake_run

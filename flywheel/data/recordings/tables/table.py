@@ -9,7 +9,6 @@ import csv
 import hashlib
 import io
 import os
-import unicodedata
 from array import array
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -26,14 +25,14 @@ from numpy.typing import NDArray
 from pyarrow import csv as arrow_csv
 
 from flywheel.data.recordings.report import listed
+from flywheel.data.recordings.sources import LONGEST_NAME
 from flywheel.errors import DataError
-from flywheel.files import MB, opened, shown
+from flywheel.files import MB, is_plain, opened, shown
 from flywheel.outputs import printable
 from flywheel.records import Floats
 
 LARGEST_FILE = 20_000 * MB  # [bytes]; most of it in columns that nobody wants
 MOST_COLUMNS = 10_000
-LONGEST_NAME = 200  # characters of a column's name
 LONGEST_LINE = 1_000_000  # characters
 MOST_BLANK = 1_000  # lines before the header
 READ_AT_ONCE = 1 << 20  # bytes
@@ -320,11 +319,6 @@ def _check_header(file: str, header: tuple[str, ...]) -> None:
     twice = [repr(name) for name, n in Counter(header).items() if n > 1]
     if twice:
         raise DataError(f"{file} has columns of the same name: {listed(twice)}.")
-
-
-def is_plain(text: str) -> bool:
-    """True if a text can be shown to people: no control characters, and all of it was UTF-8."""
-    return all(unicodedata.category(c) not in ("Cc", "Cs") or c in "\t\r\n" for c in text)
 
 
 def _hint(text: str) -> str:

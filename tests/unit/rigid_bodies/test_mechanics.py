@@ -7,9 +7,9 @@ import pytest
 import torch
 
 from flywheel.dynamics.baselines.engine import CONTACT, USUAL, EngineConfig, RigidBodyEngine
-from flywheel.dynamics.baselines.mechanics import ContactNumbers, Mechanics, RigidState
-from flywheel.dynamics.gnn.ground import flat_ground
 from flywheel.dynamics.plant import Plant
+from flywheel.dynamics.rigid_bodies.ground import flat_ground
+from flywheel.dynamics.rigid_bodies.mechanics import ContactNumbers, Mechanics, RigidState
 from flywheel.records import Floats, State
 from flywheel.robots import ROBOTS, Cable, Robot, load_robot, read_robot
 from tests.physics.small_robots import HEIGHT, MASS, REST, STIFFNESS, hanging

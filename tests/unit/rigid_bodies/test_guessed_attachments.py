@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flywheel.dynamics.baselines.attachments import with_attachments
 from flywheel.dynamics.baselines.engine import EngineConfig, RigidBodyEngine
+from flywheel.dynamics.rigid_bodies.guessed_attachments import with_attachments
 from flywheel.robots import Attachment, Robot, load_robot
 from flywheel.rotations import rotate
 

@@ -6,9 +6,9 @@ from types import MappingProxyType
 import pytest
 
 from flywheel.runtime.run.folder import RunFolder
+from flywheel.runtime.run.publish import Page
 from flywheel.runtime.tracking.dashboard import DATABASE
 from flywheel.runtime.tracking.mlflow_client import Run
-from flywheel.runtime.tracking.publish import Page
 from tests.unit.reports.fake_run import fake_run
 
 

@@ -9,19 +9,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from flywheel.dynamics.plant.roll import line_of
+from flywheel.dynamics.rigid_bodies.ground import Ground
 from flywheel.records import Floats, State
 from flywheel.robots import GRAVITY, Robot
 from flywheel.rotations import rotate
-
-if TYPE_CHECKING:  # which imports this for its hybrid network
-    from flywheel.dynamics.gnn.ground import Ground
 
 _TINY = 1e-12
 
