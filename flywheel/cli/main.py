@@ -12,7 +12,6 @@ from flywheel.cli.driving.drive import drive
 from flywheel.cli.driving.navigate import navigate
 from flywheel.cli.exits import CODES, Commands
 from flywheel.cli.list import list_
-from flywheel.cli.logs import recordings
 from flywheel.cli.logs.adopt import adopt
 from flywheel.cli.logs.compare import compare
 from flywheel.cli.logs.correct import correct
@@ -20,6 +19,7 @@ from flywheel.cli.logs.design import design
 from flywheel.cli.logs.diagnose import diagnose
 from flywheel.cli.logs.fit import fit
 from flywheel.cli.logs.power import power
+from flywheel.cli.recordings import commands as recordings
 from flywheel.cli.robot import check as robot
 from flywheel.cli.runs import config, data
 from flywheel.cli.runs.evaluate import evaluate

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from flywheel.cli.logs import recordings
 from flywheel.cli.main import app
+from flywheel.cli.recordings import import_logs
 from flywheel.data import TrajectoryStore
 from flywheel.data.recordings import store_recording
 from flywheel.robots import load_robot
@@ -144,7 +144,7 @@ def test_logs_that_do_not_fit_in_memory_together_are_read_again_to_be_stored(
 ) -> None:
     known = ("--robot", "prism3", "--json", "--store")
     together = json.loads(ask("import", *logs, *known, tmp_path / "one"))
-    monkeypatch.setattr(recordings, "ROOM", 0)
+    monkeypatch.setattr(import_logs, "ROOM", 0)
     again = json.loads(ask("import", *logs, *known, tmp_path / "two"))
     assert again == together
     stores = [TrajectoryStore(tmp_path / name).committed() for name in ("one", "two")]
@@ -160,7 +160,7 @@ def test_a_log_that_changed_before_it_was_stored_is_refused(logs, tmp_path, monk
             file.write("\n")
         return store_recording(*arguments)
 
-    monkeypatch.setattr(recordings, "ROOM", 0)
+    monkeypatch.setattr(import_logs, "ROOM", 0)
     monkeypatch.setattr("flywheel.data.recordings.store_recording", store_and_change)
     known = ("--robot", "prism3", "--store", tmp_path / "store")
     assert "log.csv changed since it was read" in ask("import", logs[1], log, *known, code=2)
@@ -184,7 +184,7 @@ class Shown:
 
 def test_a_bar_shows_how_much_of_a_log_is_read(logs, tmp_path, monkeypatch):
     shown = Shown()
-    monkeypatch.setattr(recordings, "_progress", lambda: shown)
+    monkeypatch.setattr(import_logs, "_progress", lambda: shown)
     ask("import", logs[0], "--robot", "prism3", "--store", tmp_path / "store")
     assert shown.seen[0] == (1.0, "log0.csv")
     assert shown.seen[-1] == (1.0, "now checked")
