@@ -312,7 +312,7 @@ def errors_table(rows: Sequence[ErrorRow], of_set: str) -> list[str]:
     for model, iteration in sorted(keys, key=lambda key: (key[0] == "noise", key[1])):
         of = {row.seed: row for row in mine if (row.model, row.iteration) == (model, iteration)}
         cells = [f"{of[s].e_pos:.2f} % / {of[s].e_rot:.1f} deg" if s in of else "" for s in seeds]
-        first = next(iter(of.values()))
+        first = of[min(of)]
         after = "" if model in (GIVEN, "noise") else str(iteration)
         lines.append(
             f"| {model} | {after} | {first.minutes:.1f} | {' | '.join(cells)} | {first.found} |"

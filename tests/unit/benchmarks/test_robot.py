@@ -8,8 +8,8 @@ import pytest
 from benchmarks.robot import SETS, DriveRow, ErrorRow, Study, drives_table, errors_table
 
 
-def error(seed: int, model: str, iteration: int, e_pos: float) -> ErrorRow:
-    return ErrorRow("library", seed, model, iteration, 1.3 * iteration, e_pos, 2.0, 1.0, "payload")
+def error(seed: int, model: str, iteration: int, e_pos: float, found: str = "payload") -> ErrorRow:
+    return ErrorRow("library", seed, model, iteration, 1.3 * iteration, e_pos, 2.0, 1.0, found)
 
 
 ERRORS = [
@@ -31,6 +31,12 @@ def test_a_row_is_a_model_after_an_iteration_and_a_column_a_seed() -> None:
     assert len({line.count("|") for line in lines}) == 1
     assert lines[2].startswith("| given |  | 0.0 | 20.00 % / 2.0 deg | 21.00 % / 2.0 deg |")
     assert lines[-1].startswith("| noise |"), "the noise is what the others are compared with"
+
+
+def test_what_was_found_is_of_the_first_seed_in_whatever_order_rows_are() -> None:
+    rows = [error(1, "plant", 1, 4.0, "payload"), error(0, "plant", 1, 3.0, "torque_speed")]
+    head, _, line = errors_table(rows, "library")
+    assert head.endswith("| found (seed 0) |") and line.endswith("| torque_speed |")
 
 
 def test_who_never_reached_a_goal_has_no_time() -> None:
