@@ -11,11 +11,12 @@ from typing import NamedTuple
 from xml.etree import ElementTree
 
 import mujoco
+import numpy as np
 
 from flywheel.errors import MjcfError
 from flywheel.files import MB, read_text, shown
 from flywheel.robots.mujoco_warnings import collected_warnings
-from flywheel.robots.problems import Problems
+from flywheel.robots.problems import Problems, called
 
 LARGEST = 5 * MB  # of a text [bytes]; those of a robot of 300 bodies have some 0.5 MB
 MOST_ELEMENTS = 8000  # copies counted, for which MuJoCo takes 2 s; a robot of 300 bodies has 5,000
@@ -109,7 +110,8 @@ def compiled(
     """The elements of an MJCF, MuJoCo's editable model of it, and its compiled model.
 
     Raises:
-      MjcfError: not an MJCF; one that reads other files or is too large; or MuJoCo rejects it.
+      MjcfError: not an MJCF; one that reads other files or is too large; MuJoCo rejects it; or an actuator
+        takes several commands.
     """
     root = parsed(xml, f"The {what}")
     refuse_unfit(root, f"The {what}")
@@ -119,10 +121,19 @@ def compiled(
             if any("NaN" in words for words in said):  # which may stand for "not given"
                 raise MjcfError(f"The {what} has an invalid number (nan){_nan(root)}.")
             _refuse_too_much(spec, f"The {what}")
-            return root, spec, spec.compile()
+            model = spec.compile()
     except (ValueError, RuntimeError, MemoryError, mujoco.FatalError) as error:
         reason = " ".join(str(error).split())
         raise MjcfError(f"MuJoCo cannot compile the {what}: {reason}") from error
+    several = [
+        called(model, "actuator", a) for a in np.flatnonzero(model.actuator_ctrlnum != 1).tolist()
+    ]
+    if several:  # then a control is not at its actuator's number
+        raise MjcfError(
+            f"Actuators of the {what} take several commands, or none ({', '.join(several)}), as a <pid> "
+            "takes a place and a speed; a winch takes one: write a <position> with timeconst, or a <general>."
+        )
+    return root, spec, model
 
 
 def without_keyframes(xml: str) -> str:

@@ -165,6 +165,10 @@ def test_the_example_itself_is_accepted() -> None:
         ([('biasprm="0 -500 -5"', 'biasprm="0 -5 -5"')], 'gainprm 500 and biasprm "0 -5 -5"'),
         ([('dyntype="integrator"', 'dyntype="filter" dynprm=".1"')], "'reel' must have dyntype"),
         (
+            [("<actuator>", '<actuator><pid name="servo" tendon="stay" kp="9" kv="1"/>')],
+            "take several commands, or none \\('servo'\\), as a <pid>",
+        ),
+        (
             [('tendon="cord"', 'site="shade"')],
             r"1\. The actuator 'reel' must drive a tendon.*\n2\. Nothing pulls the tendon 'cord'",
         ),
