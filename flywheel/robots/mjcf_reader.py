@@ -127,7 +127,7 @@ def _parts(
     problems.attempt(partial(_refuse_tilted, model))
     winches = problems.attempt(partial(read_winches, model, keyframe.act))
     problems.attempt(partial(_refuse_keyless, model, misfit))
-    for refuse in (_refuse_disabled, _refuse_memories, _refuse_unnamed):
+    for refuse in (_refuse_disabled, _refuse_memories, _refuse_unnamed, _refuse_limited_joints):
         problems.attempt(partial(refuse, model))
     problems.attempt(partial(_refuse_joints_out_of_range, model, keyframe))
     data = problems.attempt(partial(_placed, model, keyframe))
@@ -281,6 +281,20 @@ def _refuse_joints_out_of_range(model: mujoco.MjModel, keyframe: State) -> None:
                 f"The first keyframe has the joint {model.joint(joint).name!r} at {value:g}, allowed "
                 f"{low:g} to {high:g} (its range)."
             )
+    problems.check()
+
+
+def _refuse_limited_joints(model: mujoco.MjModel) -> None:
+    """Reject limits of what cables do to a joint, which are in no tension that is computed here."""
+    problems = Problems()
+    for joint in np.flatnonzero(model.jnt_actfrclimited).tolist():
+        problems.add_alike(
+            "joint",
+            called(model, "joint", joint),
+            "{} must have no actuatorfrcrange, which limits what cables do to it: the limit of a winch is "
+            "its forcerange.",
+            f"{tuple(model.jnt_actfrcrange[joint].tolist())}",
+        )
     problems.check()
 
 

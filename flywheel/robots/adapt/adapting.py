@@ -21,7 +21,7 @@ from flywheel.robots.adapt.meshes import meshes
 from flywheel.robots.adapt.names import names
 from flywheel.robots.adapt.old_words import old_words
 from flywheel.robots.adapt.points import points
-from flywheel.robots.adapt.ranges import forces, ranges
+from flywheel.robots.adapt.ranges import forces, limits, ranges
 from flywheel.robots.adapt.ropes import ropes
 from flywheel.robots.adapt.servos import as_winches, joined
 from flywheel.robots.adapt.springs import beside_winches, pull_only
@@ -47,6 +47,7 @@ OF_ROBOT: dict[str, Callable[[Draft], Iterator[Change]]] = {
     "ropes": ropes,
     "winches": made_winches,
     "joined": joined,
+    "limits": limits,
     "tensions": tensions,
     "motors": alone,
     "servos": as_winches,

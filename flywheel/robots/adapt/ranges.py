@@ -17,6 +17,7 @@ from flywheel.robots.adapt.draft import (
     digits,
     general,
 )
+from flywheel.robots.adapt.proof import apart, certainty_of, evidence_of, refuse_apart
 from flywheel.robots.winches import kind_of
 
 SHORTEST = 0.1  # of a cable's length: what a winch can wind it to
@@ -25,6 +26,33 @@ RANGE = (
     f"Winches wind cables from today's length, or that to the furthest other exit, to {SHORTEST:.0%} of it, "
     f"in {DURATION:g} s"
 )
+
+
+def limits(draft: Draft) -> Iterator[Change]:
+    """Limits of tendons (`actuatorfrcrange`) as the forcerange of the only actuator on each."""
+    before, edits = draft.model, []
+    on_tendon = before.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON
+    on = before.actuator_trnid[on_tendon, 0].tolist()
+    for actuator, name in actuators(before):
+        tendon = int(before.actuator_trnid[actuator, 0])
+        limited, own = _limits(before, "force", actuator)
+        low, high = map(float, before.tendon_actfrcrange[tendon])
+        if limited:
+            low, high = max(low, own[0]), min(high, own[1])
+        pulls = low < min(high, 0.0)
+        if not before.tendon_actfrclimited[tendon] or on.count(tendon) > 1 or not pulls:
+            continue
+        forcerange = digits(low, high)
+        general(draft, before, actuator, forcelimited="true", forcerange=forcerange)
+        element = draft.named("tendon", before.tendon(tendon).name)
+        element.attrib.pop("actuatorfrcrange", None)  # it may be that of a class
+        element.set("actuatorfrclimited", "false")
+        edits.append(f'forcerange="{forcerange}" of {name!r}')
+    if edits:
+        distance = apart(before, draft.model, {})
+        refuse_apart(distance, edits)
+        reason = "The limit of a cable with one actuator is that actuator's."
+        yield Change(tuple(edits), reason, certainty_of(distance), evidence_of(distance))
 
 
 def forces(draft: Draft) -> Iterator[Change]:

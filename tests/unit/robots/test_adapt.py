@@ -215,6 +215,44 @@ def test_two_actuators_on_a_cable_become_one(tmp_path):
     assert change.certainty == "guess" and "e-" in change.evidence
 
 
+def limited(folder: Path, limit: str, servo: str, also: str = "") -> Adapted:
+    """A platform on servos whose class of cables has an actuatorfrcrange; `also` is one more actuator."""
+    text = lab_files.platform_with_drums(folder).read_text()
+    text = text.replace('kp="9e6" kv="2e4" gear=".02"', f'kp="3600" kv="8" {servo}')
+    cables = f'<default><tendon actuatorfrcrange="{limit}"/></default><worldbody>'
+    text = text.replace("<worldbody>", cables).replace("</actuator>", f"{also}</actuator>")
+    return adapt(lab_files.written(folder, text))
+
+
+@pytest.mark.parametrize(
+    ("limit", "servo", "force"),
+    [
+        ("-300 0", "", "-300 0"),
+        ("-300 0", 'gear="2"', "-600 0"),  # MuJoCo limits before it multiplies
+        ("-300 0", 'forcerange="-500 0"', "-300 0"),
+        ("-300 40", 'forcerange="-200 90"', "-200 0"),
+    ],
+)
+def test_the_limit_of_a_cable_with_one_servo_is_that_servo_s(limit, servo, force, tmp_path):
+    result = limited(tmp_path, limit, servo)
+    assert result.left == ()
+    assert [change.certainty for name, change in result.changes if name == "limits"] == [
+        "equivalent"
+    ]
+    model = model_of(result.xml)
+    assert attributes(result, "general", "drum0")["forcerange"] == force
+    assert not model.tendon_actfrclimited.any() and model.actuator_forcelimited.all()
+
+
+@pytest.mark.parametrize(
+    ("limit", "also"),
+    [("0 300", ""), ("-300 0", '<motor name="more" tendon="p0-c0" ctrlrange="-9 0"/>')],
+)
+def test_a_cable_s_limit_stays_where_none_may_pull_or_two_do(limit, also, tmp_path):
+    left = " ".join(limited(tmp_path, limit, "", also).left)
+    assert "'drum0'" in left and "not as its tendon's actuatorfrcrange" in left
+
+
 def test_a_spring_beside_a_winch_becomes_another_cable_with_all_its_digits(tmp_path):
     make = lab_files.prism_with_springs_beside_servos
     path = make(tmp_path)

@@ -311,6 +311,17 @@ def test_joints_are_told_first_where_an_mjcf_is_refused() -> None:
     assert "no keyframe" in found[1] and "would push" in found[2]
 
 
+def test_a_joint_that_limits_what_cables_do_to_it_is_refused() -> None:
+    joint = '<joint name="pin" type="{}" pos="0 0 .5" axis="0 1 0" actuatorfrcrange="-5 5"/>'
+    read_robot(edited(("<freejoint/>", joint.format("free"))))  # MuJoCo ignores it
+    hinged = KEY.replace("0 0 2 1 0 0 0", "0.1")
+    found = problems(edited(("<freejoint/>", joint.format("hinge")), (KEY, hinged)))
+    (limit,) = found[1:]
+    assert (
+        limit.startswith("The joint 'pin' must have no actuatorfrcrange") and "(-5.0, 5.0)" in limit
+    )
+
+
 def test_a_missing_name_sideways_gravity_and_a_slack_spring_are_told_at_once() -> None:
     found = problems(
         edited(
