@@ -222,6 +222,9 @@ class RunFolder:
           Unsound: an initial file of the run was changed.
           RobotError: the MJCF cannot be used.
         """
+        parts = (".", "iterations", "robot", "figures", "videos")
+        for folder in (*map(self.path.joinpath, parts), *self.path.glob("models/*/**/")):
+            remove_unfinished(folder)
         if not self.config_file.exists():
             self._check_empty()
             return self._created(config)
@@ -230,8 +233,6 @@ class RunFolder:
                 f"There is a run in {self.path} already. Continue it with --resume, or give "
                 "another folder."
             )
-        for folder in (self.path, self.path / "iterations", *self.path.glob("models/*/**/")):
-            remove_unfinished(folder)
         stored = self.config()
         old, new = ({**decisive(each), "store": each.store} for each in (stored, config))
         if changes := list(differences(old, new)):

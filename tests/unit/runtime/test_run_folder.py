@@ -35,10 +35,13 @@ def test_whatever_a_run_is_called_its_key_is_one_that_mlflow_takes(folder, name)
     assert re.fullmatch(r"[A-Za-z0-9._-]{1,100}", key)
 
 
-def test_what_a_killed_driver_was_writing_is_gone_when_it_is_resumed(folder):
-    folder.begin(RunConfig(), resume=False)
-    served = folder.weights(0, "mppi").parent
-    for place in (folder.path, folder.path / "iterations", served.parent, served):
+@pytest.mark.parametrize("begun", [True, False])
+def test_what_a_killed_driver_was_writing_is_gone_when_it_is_resumed(folder, begun):
+    if begun:
+        folder.begin(RunConfig(), resume=False)
+    served = folder.weights(0, "mppi").parent if begun else folder.robot_folder
+    parts = map(folder.path.joinpath, ("figures", "iterations", "robot") if begun else ("robot",))
+    for place in (folder.path, *parts, served.parent, served):
         place.mkdir(parents=True, exist_ok=True)
         (place / ".flywheel-123.tmp").touch()
     (served / "weights.npz").touch()
