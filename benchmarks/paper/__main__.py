@@ -13,15 +13,15 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from benchmarks.paper.definition import SIZES, TableConfig, read_table, table_names
+from benchmarks.paper.definition import SIZES, read_table, table_names
 from benchmarks.paper.loop import LOOP, make_loop
 from benchmarks.paper.table import Rows, Table, publisher
 from flywheel.errors import ConfigError, FlywheelError
 from flywheel.runtime.pool.interrupts import Interrupted, StopRequest
+from flywheel.runtime.pool.lock import hold
 from flywheel.runtime.pool.pool import Patience, WorkerPool
 from flywheel.runtime.pool.progress import console_progress
 from flywheel.runtime.pool.ray_backend import Cluster, RayBackend
@@ -31,23 +31,20 @@ from flywheel.runtime.tracking.tracker import Status, Tracker, TrackingConfig
 LONGEST = 3600.0  # without a sign of progress, a cell is begun again [s]
 
 
-def make(
-    config: TableConfig, folder: Path, parts: Sequence[str], address: str | None, uri: str
-) -> Path:
+def make(table: Table, address: str | None, uri: str) -> Path:
     """Make the missing cells on Ray, and publish them; returns the page.
 
     Args:
-      config, folder, parts: see `Table`.
+      table: whose folder no other process is making.
       address: of an existing Ray cluster.
       uri: of MLflow; "" for a database in the folder.
 
     Raises:
       FlywheelError: see `Table.make`.
     """
-    table = Table(config, folder, parts)
-    table.folder.mkdir(parents=True, exist_ok=True)
     tracking = TrackingConfig(uri=uri)
-    tracker: Tracker[Rows] = Tracker(publisher(Board(table.folder, tracking, config.name), config))
+    board = Board(table.folder, tracking, table.config.name)
+    tracker: Tracker[Rows] = Tracker(publisher(board, table.config))
     status: Status = "FAILED"
     try:
         with Cluster(address, len(os.sched_getaffinity(0))) as ray, StopRequest() as stop:
@@ -97,7 +94,9 @@ def _made(given: argparse.Namespace) -> Path:
     uri = given.tracking_uri
     if given.table != LOOP:
         config = read_table(given.table, given.size, given.overrides)
-        return make(config, _folder(given, config.name), given.only, given.address, uri)
+        table = Table(config, _folder(given, config.name), given.only)
+        with hold(table.folder / "table.lock", f"The table in {table.folder}"):
+            return make(table, given.address, uri)
     if given.only:
         raise ConfigError("--only chooses cells of a table; the loop is one run for each seed.")
     told = [*given.overrides, *([f"tracking.uri={uri}"] if uri else [])]

@@ -162,6 +162,17 @@ class TableConfig(Frozen):
         complaint = f"The run of the table {self.name} is not valid"
         return validated(RunConfig, {**values, "model": robot}, complaint, ConfigError)
 
+    def trajectories(self, robot: str) -> dict[str, Any]:
+        """Settings that determine the trajectories of a robot, beside those of its run."""
+        return {
+            "seconds": self.seconds,
+            "repetitions": [self.repetitions, self.tested],
+            "controllers": self.robots[robot],
+            "validation": self.validation,
+            **({"starts": self.starts} if self.starts != "fall" else {}),
+            "real": None if self.real is None else self.real.model_dump(mode="json"),
+        }
+
     def datasets(self, robot: str) -> tuple[str, ...]:
         """Names of the data sets that are tested."""
         return (

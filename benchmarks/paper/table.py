@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,12 +13,15 @@ from benchmarks.paper.rows import NUMBERS, CellRow, page
 from benchmarks.paper.worker import TableWorker, settings_digest
 from benchmarks.rows import rows_there, write_rows
 from flywheel.errors import ConfigError
+from flywheel.files import read_json
 from flywheel.outputs import check_folder, write_output
+from flywheel.registry import nearest
 from flywheel.runtime.pool.jobs import Group, Job
 from flywheel.runtime.pool.pool import WorkerPool
 from flywheel.runtime.pool.progress import Progress, Quiet
 from flywheel.runtime.tracking.mlflow_client import Board
 from flywheel.runtime.tracking.tracker import Status
+from flywheel.validation import differences, lines
 
 TRAINING = 5.0  # expected work of a cell with a training, beside one without
 WORKERS = "table"
@@ -33,15 +37,19 @@ class Table:
       parts: of the names of the cells that are asked for; all without any.
 
     Raises:
-      ConfigError: no cell is asked for, or the folder has results of another definition.
+      ConfigError: a part is of no cell, or the folder has results of another definition.
     """
 
     def __init__(self, config: TableConfig, folder: Path, parts: Sequence[str] = ()) -> None:
         self.config, self.folder, self.cells = config, folder.absolute(), config.cells(parts)
-        if not self.cells:
-            raise ConfigError(
-                f"No cell of the table {config.name} has {' or '.join(parts)} in its name."
-            )
+        for part in parts:
+            if not config.cells([part]):
+                name = config.cells()[0].name
+                known = {word for cell in config.cells() for word in cell.name.split(".")}
+                raise ConfigError(
+                    f"No cell of the table {config.name} has {part} in its name; one is {name}."
+                    f"{nearest(part.strip('.*').rpartition('.')[2], sorted(known))}"
+                )
         check_folder(self.folder, "folder of the table", ConfigError)
         for row in self.rows():
             cell = Cell(row.robot, row.dataset, row.method, row.seed)
@@ -75,8 +83,11 @@ class Table:
           show: receives all results after each cell.
 
         Raises:
+          ConfigError: the folder has trajectories of another definition.
           RunError, DataError, Interrupted: see `WorkerPool.run`.
         """
+        for robot in {cell.robot for cell in self.cells}:
+            self._check_trajectories(robot)
 
         def keep(job: Job, row: CellRow) -> None:
             write_rows(self._file(job.arguments[0]), [row])
@@ -96,6 +107,19 @@ class Table:
         write_rows(self.folder / "table.csv", rows)
         text = "\n".join(page(self.config, rows)) + "\n"
         write_output(self.folder / "table.md", text)
+
+    def _check_trajectories(self, robot: str) -> None:
+        """Reject trajectories of other settings; those of the run are in each trajectory."""
+        path = self.folder / robot / "trajectories.json"
+        now = json.loads(json.dumps(self.config.trajectories(robot)))
+        if path.exists():
+            before = read_json(path, "settings of the trajectories", ConfigError)
+            if changed := list(differences(before, now)):
+                raise ConfigError(
+                    f"{path.parent} has trajectories of other settings:\n{lines(changed)}\nGive another "
+                    "folder."
+                )
+        write_output(path, json.dumps(now, indent=1) + "\n")
 
     def _file(self, cell: Cell) -> Path:
         return self.folder / "cells" / f"{cell.name}.csv"

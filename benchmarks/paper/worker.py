@@ -152,10 +152,7 @@ def settings_digest(table: TableConfig, cell: Cell) -> str:
     told = method.model_dump(mode="json", exclude={"published", "run"})
     told |= {"run": config_digest(table.config(cell.robot, method)), "seed": cell.seed}
     told |= {"fit_settings": table.fit.model_dump(mode="json") if method.fit is not None else {}}
-    told |= {"seconds": table.seconds, "repetitions": [table.repetitions, table.tested]}
-    told |= {"controllers": table.robots[cell.robot], "validation": table.validation}
-    told |= {"starts": table.starts} if table.starts != "fall" else {}
-    told |= {"real": None if table.real is None else table.real.model_dump(mode="json")}
+    told |= table.trajectories(cell.robot)
     return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
 
 

@@ -17,6 +17,7 @@ from benchmarks.paper.table import Table, publisher
 from benchmarks.paper.worker import settings_digest
 from benchmarks.rows import write_rows
 from flywheel.errors import ConfigError, DataError, FlywheelError
+from flywheel.runtime.pool.lock import hold
 from flywheel.runtime.pool.pool import WorkerPool
 from tests.unit.runtime.local_backend import LocalBackend
 
@@ -131,6 +132,36 @@ def test_settings_may_stand_after_options(monkeypatch, capsys) -> None:
     with pytest.raises(SystemExit, match="2"):
         main()
     assert "No cell of the table sim2sim has nothing in its name" in capsys.readouterr().err
+
+
+def test_each_part_of_a_name_is_that_of_a_cell(tmp_path: Path) -> None:
+    with pytest.raises(
+        ConfigError, match=r"has prism3.\*.tdpe_mjfc in .* Did you mean 'tdpe_mjcf'"
+    ):
+        Table(read_table("sim2sim"), tmp_path, [".arx", "prism3.*.tdpe_mjfc"])
+
+
+def test_a_folder_has_the_trajectories_of_one_definition(tmp_path: Path) -> None:
+    file = tmp_path / "tiny.yaml"
+    file.write_text(TINY)
+
+    def begin(*told: str) -> None:
+        table = Table(read_table(str(file), "smoke", [*SHORT, *told]), tmp_path)
+        table._check_trajectories("prism3")
+
+    begin("seeds=[0, 1]")
+    begin("seeds=[2]", "fit.windows=17")
+    with pytest.raises(ConfigError, match=r"other settings:\n  seconds: .* -> \[1.8, 1.8\]"):
+        begin("seconds=[1.8, 1.8]")
+    with pytest.raises(ConfigError, match="real.noise: "):
+        begin("real.noise=0.01")
+
+
+def test_two_processes_do_not_make_one_table(tmp_path: Path, monkeypatch, capsys) -> None:
+    monkeypatch.setattr("sys.argv", ["paper_table.py", "sim2sim", "--folder", str(tmp_path)])
+    with hold(tmp_path / "table.lock", "The table"), pytest.raises(SystemExit, match="2"):
+        main()
+    assert "is in use by process" in capsys.readouterr().err
 
 
 def test_a_tested_trajectory_is_not_trained_on_under_another_name(tmp_path: Path) -> None:
