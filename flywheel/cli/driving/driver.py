@@ -73,6 +73,7 @@ class _Driver:
         config = self.config
         return Setting(
             robot=self.robot.name,
+            mjcf=self.robot.digest if config.model.endswith(".xml") else "",
             task=config.task.name,
             model=self.model,
             digest=self._digest,

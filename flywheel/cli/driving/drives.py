@@ -27,6 +27,7 @@ class Setting(ResultRecord):
 
     Attributes:
       robot, task, course: names; "" for no course.
+      mjcf: digest of the robot; "" for a shipped one.
       terrain: kinds of drawn ground; none for the plane.
       model: "champion", "oracle", or an iteration.
       controller: "mppi" or "astar".
@@ -41,6 +42,7 @@ class Setting(ResultRecord):
     """
 
     robot: str
+    mjcf: str = ""
     task: str
     course: str = ""
     terrain: tuple[str, ...] = ()
@@ -79,23 +81,24 @@ class DriveLine(ResultRecord):
 
 
 def read_drives(path: Path) -> list[DriveLine]:
-    """The episodes of a file; empty without a file.
+    """The episodes of a file, without repetitions as of two processes; empty without a file.
 
     Raises:
       DataError: a line is not an episode.
     """
     if not path.exists():
         return []
-    found = []
+    found = dict[str, DriveLine]()
     lines = read_text(path, "results", DataError, LARGEST_RESULTS).splitlines()
     for number, line in enumerate(lines, 1):
         try:
-            found.append(DriveLine.model_validate_json(line))
+            drive = DriveLine.model_validate_json(line)
         except ValidationError as error:
             raise DataError(
                 f"{path}, line {number}, is not an episode of `navigate`: {error}"
             ) from None
-    return found
+        found.setdefault(f"{drive.seed} {drive.setting.model_dump_json()}", drive)
+    return list(found.values())
 
 
 def append_drive(path: Path, drive: DriveLine) -> None:

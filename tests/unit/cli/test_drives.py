@@ -5,6 +5,7 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
+from flywheel.cli.driving.driver import PlantDriver
 from flywheel.cli.driving.drives import (
     DriveLine,
     Setting,
@@ -16,6 +17,8 @@ from flywheel.cli.driving.drives import (
 from flywheel.cli.main import app
 from flywheel.errors import DataError
 from flywheel.results import Walk
+from flywheel.robots import load_robot
+from flywheel.runtime.config.shipped import config_file
 from tests import draws
 
 
@@ -83,6 +86,23 @@ def test_a_star_goes_by_the_plant_alone_and_has_its_own_lines(tmp_path):
     ask("--model", "oracle")
     (line,) = read_drives(results)
     assert (line.setting.controller, line.setting.model) == ("astar", "oracle")
+
+
+def test_an_episode_that_two_processes_drove_counts_once(tmp_path):
+    one, other, oracle = drive(0), drive(1), drive(1, "oracle")
+    for each in (one, other, other, oracle, one):
+        append_drive(tmp_path / "a.jsonl", each)
+    assert read_drives(tmp_path / "a.jsonl") == [one, other, oracle]
+
+
+def test_an_edited_mjcf_is_another_robot(tmp_path):
+    own, source, text = tmp_path / "my.xml", config_file("smoke"), load_robot("prism3").xml
+    settings = []
+    for edited in (text, text, text.replace('friction="0.8', 'friction="0.7')):
+        own.write_text(edited)
+        settings.append(PlantDriver(source, (f"model={own}",), "oracle", (), "mppi").setting)
+    assert settings[0] == settings[1] != settings[2]
+    assert PlantDriver(source, (), "oracle", (), "mppi").setting.mjcf == ""
 
 
 def test_a_robot_is_on_its_own_ground():
