@@ -1,6 +1,6 @@
-"""Lookup of a name in a registry."""
+"""Lookup of a name in a registry, or among others."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 from typing import TypeVar
 
@@ -22,6 +22,12 @@ def lookup(table: Mapping[str, T], name: str, kind: str) -> T:
     """
     if name in table:
         return table[name]
-    nearest = get_close_matches(name, table, n=1)
-    hint = f" Did you mean {nearest[0]!r}?" if nearest else ""
-    raise UnknownNameError(f"There is no {kind} {name!r}. Known: {', '.join(sorted(table))}.{hint}")
+    known = ", ".join(sorted(table))
+    raise UnknownNameError(f"There is no {kind} {name!r}. Known: {known}.{nearest(name, table)}")
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """A sentence with the known name that is most like another one, in whatever case; "" without any."""
+    cases = {each.lower(): each for each in known}
+    found = get_close_matches(name.lower(), cases, n=1)
+    return f" Did you mean {cases[found[0]]!r}?" if found else ""

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from difflib import get_close_matches
 from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from flywheel.errors import FlywheelError
 from flywheel.files import shown
+from flywheel.registry import nearest
 
 M = TypeVar("M", bound=BaseModel)
 MOST_PROBLEMS = 20  # that a message tells of
@@ -63,8 +63,7 @@ def _explained(schema: type[BaseModel], error: Any) -> str:
     where = ".".join(str(part)[:LONGEST_PROBLEM] for part in location) or "(the whole)"
     if error["type"] == "extra_forbidden":
         allowed = sorted(_fields_at(schema, location[:-1]))
-        near = get_close_matches(str(location[-1]), allowed, n=1)
-        hint = f" Did you mean {near[0]!r}?" if near else ""
+        hint = nearest(str(location[-1]), allowed)
         return f"{where}: unknown key.{hint} Allowed: {', '.join(allowed)}."
     if error["type"] == "missing":
         return f"{where}: is required."

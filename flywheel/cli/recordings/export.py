@@ -29,13 +29,14 @@ def export(
     flywheel recordings export runs/prism3 'i0001-*' prism3-lerobot
 
     Args:
-      episode: Its name; for LeRobot also a pattern: 'i0001-*'.
+      episode: Its name, or a pattern: 'i0001-*'.
       output: New .csv or .mcap; a name without an ending is a LeRobot data set.
       robot: Your .xml, or a shipped robot's name; by default the run's.
     """
     from flywheel.cli.runs.data import open_store
     from flywheel.data.recordings import write_recording
     from flywheel.data.recordings.exports import write_lerobot, write_mcap
+    from flywheel.data.recordings.report import listed
     from flywheel.errors import DataError
 
     writers = {".csv": write_recording, ".mcap": write_mcap}
@@ -45,14 +46,19 @@ def export(
             f"{output.suffix!r}."
         )
     owner, opened = robot_of(store, robot), open_store(store)
+    names = _matching(opened, episode)
     if output.suffix:
+        if len(names) > 1:
+            raise DataError(
+                f"{output} takes one episode; {episode!r} is {listed(names, 4)}. A LeRobot data set, without "
+                "an ending, takes several."
+            )
         write = writers[output.suffix]
-        found = opened.read(episode)
+        found = opened.read(names[0])
         left = write(found, output, owner)
         steps = found.trajectory.steps
         words = f"{steps + 1} rows, {steps * found.trajectory.dt:g} s."
     else:
-        names = _matching(opened, episode)
         frames, left = write_lerobot(map(opened.read, names), output, owner)
         words = f"{len(names)} episodes, {frames} frames."
     out = console()
@@ -68,9 +74,11 @@ def _matching(store: TrajectoryStore, pattern: str) -> list[str]:
       DataError: none does.
     """
     from flywheel.errors import DataError
+    from flywheel.registry import nearest
 
     every = [one for segment in store.committed() for one in store.episodes(segment)]
     found = [one for one in every if fnmatchcase(one.id, pattern)]
     if not found:
-        raise DataError(f"No episode in {store.url} is named {pattern!r}.")
+        hint = nearest(pattern, [one.id for one in every])
+        raise DataError(f"No episode in {store.url} is named {pattern!r}.{hint}")
     return [one.id for one in sorted(found, key=lambda one: (one.split, one.id))]

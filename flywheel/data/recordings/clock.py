@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flywheel.data.recordings.report import Finding, counted
+from flywheel.data.recordings.sources import TIMES
 from flywheel.data.recordings.tables.columns import Log
 from flywheel.errors import DataError
 
@@ -74,9 +75,10 @@ def usual_period(log: Log, dt: float) -> float:
     period = float(np.median(np.diff(log.time)))
     most = max(SLOWEST, SLOWEST_STEPS * dt)
     if period > most:
+        unit = min(("ms", "us", "ns"), key=lambda each: abs(np.log(period * TIMES[each] / dt)))
         raise DataError(
             f"rows are {period:g} s apart, at most {most:g} s are expected for steps of {dt:g} s. If the "
-            "time is in milliseconds, write units: {time: ms} in the map; if it is right, give a longer "
+            f"time is in {unit}, write units: {{time: {unit}}} in the map; if it is right, give a longer "
             "step (--dt)."
         )
     if period < FASTEST:

@@ -94,8 +94,10 @@ def guess(paths: Sequence[Path], robot: Robot, folder: Path) -> str:
       folder: that the map's paths shall be relative to.
 
     Raises:
-      DataError: a file cannot be read, or none has points.
+      DataError: a file cannot be read, or is given twice, or none has points.
     """
+    if len({path.resolve() for path in paths}) < len(paths):
+        raise DataError(f"Give each file once; got {', '.join(map(str, paths))}.")
     files = [(path, open_log(path)) for path in paths]
     count = len(robot.points)
     files.sort(key=lambda each: -max(len(markers(each[1])), len(threes(each[1], count))))

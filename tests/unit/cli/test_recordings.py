@@ -64,6 +64,11 @@ def test_logs_come_into_a_new_store_with_a_report(logs: list[Path], tmp_path: Pa
     out = tmp_path / "out.csv"
     assert "101 rows" in ask("export", place, first, out, "--robot", "prism3")
     assert out.read_bytes() == logs[0].read_bytes()
+    several = ask("export", place, "recording-*", tmp_path / "a.csv", "--robot", "prism3", code=2)
+    assert f"takes one episode; 'recording-*' is {first}, {second}" in " ".join(several.split())
+    nearly = ask("export", place, first[:-1], tmp_path / "a.csv", "--robot", "prism3", code=2)
+    assert f"Did you mean '{first}'" in nearly
+    ask("export", place, f"{first[:-1]}?", tmp_path / "a.csv", "--robot", "prism3")
     assert "not overwritten" in ask("export", place, first, out, "--robot", "prism3", code=2)
     wrong = ask("export", place, first, tmp_path / "out.txt", "--robot", "prism3", code=2)
     assert "must be .csv or .mcap, or none for a LeRobot data set; got '.txt'" in wrong

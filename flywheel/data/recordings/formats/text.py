@@ -7,6 +7,7 @@ import io
 import re
 from collections import Counter
 from collections.abc import Sequence
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -40,6 +41,7 @@ UTF_16 = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
 
 CLOCK = re.compile(r"(\d{1,2}):([0-5]\d):([0-5]\d(?:[.,]\d+)?)")
 DAY = 86_400.0  # [s]
+THOUSANDS = re.compile(r"[-+]?\d{1,3}([., '\u2019\u00a0\u202f])\d{3}(\1\d{3})*([.,]\d*)?")
 
 Column = Floats | list[str]
 
@@ -107,7 +109,7 @@ def columns(
         table = _read(content, delimiter, wide if wide == width + 1 else width, point)
     except pa.ArrowInvalid:
         table = _read(_padded(content, delimiter, width, row), delimiter, width, point)
-    return _without_blanks([_column(each) for each in table.columns[:width]])
+    return _without_blanks([_column(each, point) for each in table.columns[:width]])
 
 
 def _without_blanks(found: list[Column]) -> list[Column]:
@@ -160,7 +162,7 @@ def _padded(content: bytes, delimiter: str, width: int, row: int) -> bytes:
     return made.getvalue().encode()
 
 
-def _column(values: pa.ChunkedArray) -> Column:
+def _column(values: pa.ChunkedArray, point: str) -> Column:
     kind = values.type
     if pa.types.is_timestamp(kind):
         return (
@@ -173,9 +175,11 @@ def _column(values: pa.ChunkedArray) -> Column:
             pass  # a time of day, or the like
     texts = ["" if each is None else _text(each) for each in values.to_pylist()]
     try:
-        return np.array([float(each.strip() or "nan") for each in texts])
+        if point == "." or not any("." in each for each in texts):  # else those of thousands
+            return np.array([float(each.strip() or "nan") for each in texts])
     except ValueError:
-        return texts if (seconds := _times_of_day(texts)) is None else seconds
+        pass
+    return texts if (seconds := _times_of_day(texts)) is None else seconds
 
 
 def _times_of_day(texts: Sequence[str]) -> Floats | None:
@@ -201,16 +205,29 @@ def numbers(column: Column, name: str) -> Floats:
     """
     if isinstance(column, np.ndarray):
         return column
-    for row, cell in enumerate(column, 1):
-        try:
-            float(cell.strip() or "nan")
-        except ValueError:
-            hint = " Decimals are written with a point." if "," in cell else ""
-            raise DataError(
-                f"row {row} of {name!r} is {shown(cell)}, which is not a number. A cell that was not "
-                f"measured is empty or NaN.{hint}"
-            ) from None
-    raise AssertionError(name)
+    wrong = (each for each in enumerate(column, 1) if not is_number(each[1].strip() or "nan"))
+    points = (each for each in enumerate(column, 1) if "." in each[1])  # where decimals have commas
+    row, cell = next(chain(wrong, points))
+    raise DataError(
+        f"row {row} of {name!r} is {shown(cell)}, which is not a number. A cell that was not measured is "
+        f"empty or NaN.{how_written(cell)}"
+    )
+
+
+def is_number(text: str) -> bool:
+    """True for a text that is a number with a decimal point, or NaN."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def how_written(cell: str) -> str:
+    """A sentence about how a number is written that cannot be read; "" if nothing is known."""
+    if THOUSANDS.fullmatch(cell.strip()):
+        return " Thousands are written without separators."
+    return " Decimals are written with a point." if "," in cell else ""
 
 
 def distinct(names: Sequence[str]) -> list[str]:

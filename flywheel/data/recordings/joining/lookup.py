@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence, Sized
 from dataclasses import dataclass
-from difflib import get_close_matches
 from itertools import chain
 from pathlib import Path
 from types import MappingProxyType
@@ -27,6 +26,7 @@ from flywheel.data.recordings.report import listed
 from flywheel.data.recordings.sources import TIMES, FileEntry, factor_of
 from flywheel.errors import DataError
 from flywheel.records import Floats
+from flywheel.registry import nearest
 
 SLICE = re.compile(r"(.*)\[(\d+):(\d+)\]")
 
@@ -181,10 +181,8 @@ class Sheets:
         where = listed([file.name for file in self.files])
         if name in self._timeless:
             return DataError(self._timeless[name])
-        near = get_close_matches(name, known, n=1)
-        hint = f" Did you mean {near[0]!r}?" if near else ""
         there = f" There are: {listed([repr(each) for each in known], 12)}." if known else ""
-        return DataError(f"{where} has no {kind} {name!r}.{hint}{there}")
+        return DataError(f"{where} has no {kind} {name!r}.{nearest(name, known)}{there}")
 
     def _add(
         self, index: int, file: LogFile, stream: Stream, entry: FileEntry, how: RecordingMap

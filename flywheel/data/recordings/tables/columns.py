@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass
-from difflib import get_close_matches
 from typing import Any, cast
 
 import numpy as np
@@ -15,6 +14,7 @@ from flywheel.data.recordings.report import Finding, counted, listed
 from flywheel.data.recordings.tables.table import OpenTable, Table
 from flywheel.errors import DataError
 from flywheel.records import ChannelKind, Floats, MeasuredChannel
+from flywheel.registry import nearest
 from flywheel.robots import Robot
 
 TIME = "time"
@@ -178,7 +178,7 @@ def _their_names(
         if name not in known:
             raise DataError(
                 f"{sheet.file}: the map renames {name!r}, which the robot {robot.name} does not "
-                f"have.{_near(name, known)}"
+                f"have.{nearest(name, known)}"
             )
     theirs = {name: how.columns.get(name, name) for name in known}
     twice = [name for name, n in Counter(theirs.values()).items() if n > 1]
@@ -194,13 +194,13 @@ def _refuse_unknown(
     gone = [name for name in how.ignore if name not in there]
     if gone:
         raise DataError(
-            f"{sheet.file} has no column {listed(gone)} to ignore.{_near(gone[0], sheet.header)}"
+            f"{sheet.file} has no column {listed(gone)} to ignore.{nearest(gone[0], sheet.header)}"
         )
     both = [name for name in theirs.values() if name in ignored]
     if both:
         raise DataError(f"{sheet.file}: the map ignores {listed(both)}, which the robot needs.")
     known = used | ignored
-    unknown = [name or "(unnamed)" for name in sheet.header if name not in known]
+    unknown = [name for name in sheet.header if name and name not in known]
     if not unknown:
         return
     wanted = [name for name in theirs.values() if name not in there]
@@ -209,7 +209,7 @@ def _refuse_unknown(
         others = " Is it a recording of another robot?"
     raise DataError(
         f"{sheet.file} has {counted(len(unknown), 'column')} that the robot {robot.name} does not have: "
-        f"{listed(unknown)}.{_near(unknown[0], wanted)}{others} Rename them in the map (columns: "
+        f"{listed(unknown)}.{nearest(unknown[0], wanted)}{others} Rename them in the map (columns: "
         "{ours: theirs}) or name them under ignore."
     )
 
@@ -225,8 +225,3 @@ def _check_times(sheet: OpenTable, name: str, how: RecordingMap) -> None:
             f"{sheet.file} has no column 'time'. Name it in the map (columns: {{time: ...}}), or give "
             "dt [s] there if rows are evenly spaced."
         )
-
-
-def _near(name: str, known: Any) -> str:
-    found = get_close_matches(name, list(known), n=1)
-    return f" Did you mean {found[0]!r}?" if found else ""

@@ -24,6 +24,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 from pyarrow import csv as arrow_csv
 
+from flywheel.data.recordings.formats.text import how_written, is_number
 from flywheel.data.recordings.report import listed
 from flywheel.data.recordings.sources import LONGEST_NAME
 from flywheel.errors import DataError
@@ -310,13 +311,13 @@ def _check_header(file: str, header: tuple[str, ...]) -> None:
                 f"{file}: the name of column {number} is {shown(name)}; a name has at most {LONGEST_NAME} "
                 f"characters, and no control characters.{_hint(name)}"
             )
-    numbers = [cell for cell in header if _is_number(cell)]
+    numbers = [cell for cell in header if is_number(cell)]
     if len(numbers) > len(header) / 2:
         raise DataError(
             f"{file} has no header: its first line is {listed(header, 4)}. The first line names the "
             "columns: time, ctrl.<actuator>, <sensor>.x, ..."
         )
-    twice = [repr(name) for name, n in Counter(header).items() if n > 1]
+    twice = [repr(name) for name, n in Counter(header).items() if name and n > 1]
     if twice:
         raise DataError(f"{file} has columns of the same name: {listed(twice)}.")
 
@@ -325,14 +326,4 @@ def _hint(text: str) -> str:
     """Possible cause of an invalid number or name."""
     if any("\udc80" <= character <= "\udcff" for character in text):
         return " The file is not in UTF-8: save it so."
-    if "," in text:
-        return " Decimals are written with a point."
-    return ""
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
+    return how_written(text)

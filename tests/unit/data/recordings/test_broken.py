@@ -44,6 +44,23 @@ def decimal_comma(sheet: Sheet) -> None:
     sheet.rows[3][4] = "0,3"
 
 
+def thousands(sheet: Sheet) -> None:
+    sheet.rows[3][4] = "-1,234.5"
+
+
+def microseconds(sheet: Sheet) -> None:
+    sheet.scale("time", 1e6)
+
+
+def one_marker_for_all(sheet: Sheet) -> None:
+    for point in sheet.robot.points:
+        sheet.move(point.name, sheet.positions("s0"))
+
+
+def other_case(sheet: Sheet) -> None:
+    sheet.header[1:] = [name.upper() for name in sheet.header[1:]]
+
+
 def short_line(sheet: Sheet) -> None:
     del sheet.rows[3][-1]
 
@@ -148,6 +165,10 @@ REFUSED = [
     (seconds_as_milliseconds, r"rows are 10 s apart, .* write units: \{time: ms\}"),
     (no_number, "line 5, column 'ctrl.winch_02': 'n/a' is not a number"),
     (decimal_comma, "'0,3' is not a number.*with a point"),
+    (thousands, "'-1,234.5' is not a number.*without separators"),
+    (microseconds, r"rows are 10000 s apart, .* write units: \{time: us\}"),
+    (one_marker_for_all, "distances on 3 of 3 pairs .*: s0 to s1 is 0 m instead of 2.95 m"),
+    (other_case, "CTRL.WINCH_35, .*Did you mean 'ctrl.winch_35'"),
     (short_line, "line 5 has 24 cells, the header has 25 columns"),
     (command_missing, "line 5: the command in 'ctrl.winch_35' is missing, in 1 place in all"),
     (command_infinite, "line 5: the command in 'ctrl.winch_35' is inf"),
@@ -182,6 +203,18 @@ def test_a_broken_log_is_refused_with_where_and_why(break_it, message, sheet):
         read_recording(broken.save(), broken.robot)
     assert re.search(message, str(raised.value)), f"{raised.value} (seed {SEED})"
     assert "log.csv" in str(raised.value)
+
+
+@pytest.mark.parametrize("end", [0, None])
+def test_columns_without_a_name_are_not_asked_about(end, sheet):
+    """Spreadsheets end lines with separators, and pandas begins them with a number."""
+    usual, padded = sheet(), sheet()
+    for number, row in enumerate((padded.header, *padded.rows)):
+        place = len(row) if end is None else end
+        row[place:place] = [str(number or "")] if end == 0 else ["", ""]
+    found = read_recording(padded.save(), padded.robot).episodes[0].trajectory
+    kept = read_recording(usual.save(), usual.robot).episodes[0].trajectory
+    np.testing.assert_array_equal(found.observations.points, kept.observations.points)
 
 
 @pytest.mark.parametrize("content", ["", "\n \n"])

@@ -7,6 +7,7 @@ import pytest
 
 from flywheel.data.recordings import read_map, read_recording
 from flywheel.data.recordings.formats import vicon
+from flywheel.data.recordings.formats.text import columns, numbers
 from flywheel.errors import DataError
 from flywheel.options import ImportOptions
 from flywheel.records import Trajectory
@@ -124,3 +125,11 @@ def test_a_vicon_file_without_the_line_of_a_block_is_refused(tmp_path: Path) -> 
     (tmp_path / "log.csv").write_bytes(b"Trajectories \n100\n")
     with pytest.raises(DataError, match="no line begins one of its blocks"):
         vicon.read(tmp_path / "log.csv", ())
+
+
+def test_points_of_thousands_are_no_decimals_where_these_have_commas() -> None:
+    """German spreadsheets show 999 and 1.000."""
+    metres, ticks = columns(b"0,5;999\n0,6;1.000\n", ";", 2, point=",")
+    assert numbers(metres, "metres").tolist() == [0.5, 0.6]
+    with pytest.raises(DataError, match="row 2 of 'ticks' is '1.000'.* without separators"):
+        numbers(ticks, "ticks")

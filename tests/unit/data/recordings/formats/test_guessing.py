@@ -155,6 +155,8 @@ def test_a_pose_has_the_names_of_ros_and_json_is_refused(truth: Truth, tmp_path:
     rows(tmp_path / "lines.csv", '{"t": 0.0, "x": [1.5, 2.5]}', [['{"t": 0.1']])
     with pytest.raises(DataError, match="is JSON. Write its numbers as CSV"):
         guess([tmp_path / "lines.csv"], truth.robot, tmp_path)
+    with pytest.raises(DataError, match="each file once"):
+        guess([tmp_path / "lines.csv", tmp_path / "." / "lines.csv"], truth.robot, tmp_path)
 
 
 @pytest.mark.parametrize("unit", ["mm", "cm"])
