@@ -11,6 +11,7 @@ from typing import Annotated, Any, TypeVar, get_args, get_origin
 import typer
 from typer.models import ParameterInfo
 
+from flywheel.cli.exits import Command
 from flywheel.cli.options import within
 from flywheel.options import said_of
 from flywheel.quantities import Bounds
@@ -29,7 +30,7 @@ class App(typer.Typer):
 
     def command(self, name: str | None = None, **more: Any) -> Callable[[C], C]:
         """Make a command of a function, which stays as it is."""
-        register = super().command(name, **more)
+        register = super().command(name, **{"cls": Command, **more})
 
         def registered(command: C) -> C:
             register(_declared(command))

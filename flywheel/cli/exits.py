@@ -21,6 +21,7 @@ import tempfile
 import threading
 import traceback
 import warnings
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -59,19 +60,33 @@ class Ending:
 class Commands(TyperGroup):
     """Turns every error of a command into a message and an exit code."""
 
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Read the command line."""
-        if any("\0" in argument for argument in args):
-            raise typer.BadParameter("An argument contains a zero character (NUL).")
-        return super().parse_args(ctx, args)
-
     def invoke(self, ctx: Any) -> Any:
         """Run the given command."""
         with clear_endings(bool(ctx.params.get("debug"))):
             return super().invoke(ctx)
 
 
-class OneCommand(TyperCommand):
+class Command(TyperCommand):
+    """A command that refuses empty arguments, and values that a later one would replace."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read the command line."""
+        if any("\0" in argument for argument in args):
+            raise typer.BadParameter("An argument contains a zero character (NUL).")
+        if "" in args:
+            raise typer.BadParameter("An argument is empty: is a variable of the shell not set?")
+        order: list[Any] = self.make_parser(ctx).parse_args(list(args))[2]
+        for option, times in Counter(order).items():
+            if times == 1 or option.multiple:
+                continue
+            if not option.is_flag or option.secondary_opts:  # another flag may say so twice
+                raise typer.BadParameter(
+                    f"It is given {times} times; it takes one value.", ctx, option
+                )
+        return super().parse_args(ctx, args)
+
+
+class OneCommand(Command):
     """A separate command whose errors become a message and an exit code."""
 
     def invoke(self, ctx: Any) -> Any:

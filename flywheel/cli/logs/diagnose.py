@@ -192,16 +192,21 @@ def pairs_of(statements: Sequence[str], form: str) -> Iterator[tuple[str, str]]:
     """Split "name=text".
 
     Raises:
-      ConfigError: a statement is not of that form; the message begins with the text given for it.
+      ConfigError: a statement is not of that form, or is about the same name as another one; the message
+        begins with the text given for it.
     """
     from flywheel.errors import ConfigError
     from flywheel.files import shown
 
+    seen = set[str]()
     for statement in statements:
         name, equals, text = statement.partition("=")
-        if not equals:
-            raise ConfigError(f"{form} got {shown(statement)}.")
-        yield name.strip(), text
+        name = name.strip()
+        if not equals or name in seen:
+            again = f" after another value of {shown(name)}" if equals else ""
+            raise ConfigError(f"{form} got {shown(statement)}{again}.")
+        seen.add(name)
+        yield name, text
 
 
 def _again(chosen: PlantOptions) -> str:

@@ -154,7 +154,6 @@ def test_the_window_that_is_filmed_is_the_worst_and_differences_have_room(told):
         ("payload@s22", "Did you mean 's2'?"),
         ("slope@s2", "has no place"),
         ("payload:much", "a multiple of the typical size"),
-        ("", "There is no hidden effect ''"),
     ],
 )
 def test_what_cannot_be_hidden_is_refused_at_once(effect, words, tmp_path, monkeypatch):

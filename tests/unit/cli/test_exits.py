@@ -209,6 +209,34 @@ def test_an_argument_with_a_character_of_zero_is_bad_usage():
     assert "NUL" in re.sub(r"\s+", " ", done.stderr)
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("adopt a.json --robot x --robot y", "'--robot': It is given 2 times; it takes one value"),
+        (
+            "compare a.csv --robot x --fit-starts --no-fit-starts",
+            "'--fit-starts': It is given 2 times",
+        ),
+        ("recordings import a.csv --store s --dt 1 --dt=2", "'--dt': It is given 2 times"),
+        ("robot adapt a.xml -o b.xml --output c.xml", "'--output' / '-o': It is given 2 times"),
+        ("report ''", "An argument is empty"),
+        ("recordings import a.csv --store ''", "An argument is empty"),
+    ],
+)
+def test_what_is_said_twice_or_not_at_all_is_bad_usage(words, said):
+    done = CliRunner().invoke(app, shlex.split(words))
+    assert done.exit_code == 2
+    assert said in re.sub(r"[\s│]+", " ", done.stderr)
+
+
+def test_a_flag_may_be_said_twice_and_an_option_of_several_values_too(tmp_path):
+    missing = str(tmp_path / "a.csv")
+    words = ["diagnose", missing, "--robot", "prism3", "--held-out", "b.csv", "--held-out", "c.csv"]
+    assert "There is no" in CliRunner().invoke(app, words).stderr
+    words = ["robot", "adapt", missing, "--dry-run", "--dry-run"]
+    assert "There is no" in CliRunner().invoke(app, words).stderr
+
+
 @pytest.mark.parametrize("ending", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
 def test_a_command_that_is_asked_to_end_tidies_up_and_says_so(tmp_path, ending):
     def work() -> None:
