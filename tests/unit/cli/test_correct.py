@@ -22,7 +22,8 @@ from flywheel.robots import load_robot
 from flywheel.training.residual import ResidualTraining, _Fitting
 
 PRISM = load_robot("prism3")
-FEW = ("--horizon", "0.3", "--set", "steps=2", "--set", "network.width=8", "--set", "spacing=0.4")
+SMALL = ("--horizon", "0.3", "--set", "network.width=8", "--set", "spacing=0.4")
+FEW = (*SMALL, "--set", "steps=2")
 
 
 @pytest.fixture
@@ -56,7 +57,7 @@ def test_ctrl_c_and_sigterm_give_the_best_correction_so_far(logs, tmp_path, monk
     monkeypatch.setattr(_Fitting, "_next_batch", pressed)
     out, answer = tmp_path / "m.npz", tmp_path / "a.json"
     many = ("--set", "steps=1000000")
-    got = correct(*logs, "--robot", "prism3", "--out", out, "--json", answer, *FEW, *many)
+    got = correct(*logs, "--robot", "prism3", "--out", out, "--json", answer, *SMALL, *many)
     assert got.exit_code == 130, got.output
     assert "the best correction so far" in got.output
     assert json.loads(answer.read_text())["best_step"] == 1
