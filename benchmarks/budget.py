@@ -28,7 +28,7 @@ from flywheel.dynamics.gnn import ChunkNetwork, Simulator, load_weights, weights
 from flywheel.dynamics.gnn.compiled_network import prepared
 from flywheel.dynamics.gnn.features import GraphFeatures, MechanicalState
 from flywheel.dynamics.gnn.graph import RobotGraph
-from flywheel.dynamics.gnn.learned import BLOCK, shares
+from flywheel.dynamics.gnn.learned import BLOCK
 from flywheel.dynamics.gnn.prediction import Forward, Memory, Prediction
 from flywheel.dynamics.gnn.shipped import shipped_weights
 from flywheel.dynamics.gnn.simulator import step_of
@@ -37,6 +37,7 @@ from flywheel.dynamics.plant import MeasurementModel
 from flywheel.dynamics.plant.poses import FREE_POSITIONS
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.dynamics.rigid_bodies.ground import Ground
+from flywheel.dynamics.threads import shares
 from flywheel.errors import ConfigError, FlywheelError
 from flywheel.evaluation import HISTORY_SECONDS, ErrorTable, squared_position_error
 from flywheel.outputs import write_output

@@ -125,14 +125,7 @@ def compiled(
     except (ValueError, RuntimeError, MemoryError, mujoco.FatalError) as error:
         reason = " ".join(str(error).split())
         raise MjcfError(f"MuJoCo cannot compile the {what}: {reason}") from error
-    several = [
-        called(model, "actuator", a) for a in np.flatnonzero(model.actuator_ctrlnum != 1).tolist()
-    ]
-    if several:  # then a control is not at its actuator's number
-        raise MjcfError(
-            f"Actuators of the {what} take several commands, or none ({', '.join(several)}), as a <pid> "
-            "takes a place and a speed; a winch takes one: write a <position> with timeconst, or a <general>."
-        )
+    _refuse_several_commands(model, what)
     return root, spec, model
 
 
@@ -288,6 +281,17 @@ def _nan(root: ElementTree.Element) -> str:
                 name = f" name={shown(element.get('name'))}" if element.get("name") else ""
                 return f": <{element.tag}{name} {key}={shown(value)}>"
     return ""
+
+
+def _refuse_several_commands(model: mujoco.MjModel, what: str) -> None:
+    """Reject actuators behind which a command is not at its actuator's number."""
+    several = np.flatnonzero(model.actuator_ctrlnum != 1).tolist()
+    if several:
+        names = ", ".join(called(model, "actuator", actuator) for actuator in several)
+        raise MjcfError(
+            f"Actuators of the {what} take several commands, or none ({names}), as a <pid> takes a place "
+            "and a speed; a winch takes one: write a <position> with timeconst, or a <general>."
+        )
 
 
 def _refuse_too_much(spec: mujoco.MjSpec, what: str) -> None:

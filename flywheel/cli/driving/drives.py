@@ -88,7 +88,7 @@ def read_drives(path: Path) -> list[DriveLine]:
     """
     if not path.exists():
         return []
-    found = dict[str, DriveLine]()
+    found: dict[tuple[int, Setting], DriveLine] = {}
     lines = read_text(path, "results", DataError, LARGEST_RESULTS).splitlines()
     for number, line in enumerate(lines, 1):
         try:
@@ -97,7 +97,7 @@ def read_drives(path: Path) -> list[DriveLine]:
             raise DataError(
                 f"{path}, line {number}, is not an episode of `navigate`: {error}"
             ) from None
-        found.setdefault(f"{drive.seed} {drive.setting.model_dump_json()}", drive)
+        found.setdefault((drive.seed, drive.setting), drive)
     return list(found.values())
 
 

@@ -77,9 +77,8 @@ def check_units(points: Floats, robot: Robot, axes: Axes) -> None:
     rods = pairs(robot)
     some = points[:: max(1, len(points) // ROWS)]
     usual = usual_distances(some, rods)
-    if (
-        not (usual > 0).any() or _right(usual, rods) > MOST
-    ):  # one marker taken for all has distances of 0
+    # One marker taken for all has distances of 0.
+    if not (usual > 0).any() or _right(usual, rods) > MOST:
         return
     rod = max((r for r, got in zip(rods, usual, strict=True) if got > 0), key=lambda r: r.distance)
     names = f"{robot.points[rod.a].name} and {robot.points[rod.b].name}"

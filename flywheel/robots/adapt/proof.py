@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 import mujoco
 import numpy as np
 
 from flywheel.errors import RobotError
 from flywheel.records import Floats
-from flywheel.robots.adapt.draft import Certainty, Scale, actuators, at_start
+from flywheel.robots.adapt.draft import Certainty, Change, Scale, actuators, at_start
 from flywheel.robots.mjcf_reader import MOST_CONTACTS
 from flywheel.robots.mujoco_warnings import collected_warnings
 
@@ -63,6 +63,27 @@ def apart(
             mujoco.mj_step(after, other)
             farthest = max(farthest, float(np.abs(one.xpos @ turn.T - other.xpos).max()))
     return np.inf if warnings else farthest
+
+
+def exact_change(
+    before: mujoco.MjModel,
+    after: mujoco.MjModel,
+    scales: Mapping[str, Scale],
+    edits: Sequence[str],
+    reason: str,
+) -> Change:
+    """A change after which a robot moves as it did, with the proof.
+
+    Args:
+      before, after, scales: see `apart`.
+      edits, reason: see `Change`.
+
+    Raises:
+      RobotError: see `refuse_apart`.
+    """
+    distance = apart(before, after, scales)
+    refuse_apart(distance, edits)
+    return Change(tuple(edits), reason, certainty_of(distance), evidence_of(distance))
 
 
 def certainty_of(distance: float) -> Certainty:

@@ -17,7 +17,7 @@ from flywheel.robots.adapt.draft import (
     digits,
     general,
 )
-from flywheel.robots.adapt.proof import apart, certainty_of, evidence_of, refuse_apart
+from flywheel.robots.adapt.proof import exact_change
 from flywheel.robots.winches import kind_of
 
 SHORTEST = 0.1  # of a cable's length: what a winch can wind it to
@@ -49,10 +49,8 @@ def limits(draft: Draft) -> Iterator[Change]:
         element.set("actuatorfrclimited", "false")
         edits.append(f'forcerange="{forcerange}" of {name!r}')
     if edits:
-        distance = apart(before, draft.model, {})
-        refuse_apart(distance, edits)
         reason = "The limit of a cable with one actuator is that actuator's."
-        yield Change(tuple(edits), reason, certainty_of(distance), evidence_of(distance))
+        yield exact_change(before, draft.model, {}, edits, reason)
 
 
 def forces(draft: Draft) -> Iterator[Change]:

@@ -27,7 +27,7 @@ from flywheel.robots.adapt.draft import (
     digits,
     general,
 )
-from flywheel.robots.adapt.proof import apart, certainty_of, evidence_of, refuse_apart
+from flywheel.robots.adapt.proof import apart, evidence_of, exact_change
 
 NONE, FILTER, EXACT, INTEGRATOR = (
     int(getattr(mujoco.mjtDyn, f"mjDYN_{kind}"))
@@ -175,10 +175,8 @@ def as_winches(draft: Draft) -> Iterator[Change]:
     if not edits:
         return
     keys.write(draft)
-    distance = apart(before, draft.model, scales)
-    refuse_apart(distance, edits)
     reason = "The same tensions, written as a stiffness times the stretch beyond a rest length."
-    yield Change(tuple(edits), reason, certainty_of(distance), evidence_of(distance))
+    yield exact_change(before, draft.model, scales, edits, reason)
 
 
 def commands(scale: Scale) -> str:

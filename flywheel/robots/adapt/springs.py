@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from copy import deepcopy
 
 from flywheel.robots.adapt.draft import Certainty, Change, Draft, actuators, digits, fresh_name
-from flywheel.robots.adapt.proof import apart, certainty_of, evidence_of, refuse_apart
+from flywheel.robots.adapt.proof import exact_change
 
 
 def pull_only(draft: Draft) -> Iterator[Change]:
@@ -53,9 +53,7 @@ def beside_winches(draft: Draft) -> Iterator[Change]:
         parent.insert(list(parent).index(winched) + 1, spring)
         edits.append(f"the tendon {spring.get('name')!r} with the spring of {name!r}")
     if edits:
-        distance = apart(before, draft.model, {})
-        refuse_apart(distance, edits)
         reason = (
             "A winched cable's stiffness is its winch's; the spring beside it is another cable."
         )
-        yield Change(tuple(edits), reason, certainty_of(distance), evidence_of(distance))
+        yield exact_change(before, draft.model, {}, edits, reason)

@@ -8,7 +8,7 @@ import torch
 
 from flywheel.dynamics.arithmetic import Arithmetic
 from flywheel.dynamics.gnn import LearnedDynamics, NetworkConfig, Simulator, weights_digest
-from flywheel.dynamics.gnn.learned import shares
+from flywheel.dynamics.threads import shares
 from flywheel.dynamics.weight_files import arrays_of
 from flywheel.errors import ModelError
 from flywheel.records import Observation, Past

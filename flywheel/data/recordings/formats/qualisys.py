@@ -16,6 +16,7 @@ from flywheel.data.recordings.formats.text import (
     content_of,
     distinct,
     head,
+    is_number,
     numbers,
 )
 from flywheel.errors import DataError
@@ -57,15 +58,11 @@ def read(path: Path, names: tuple[str, ...]) -> Contents:
 
 
 def _is_data(row: list[str]) -> bool:
-    return len(row) > 2 and any(row) and all(_is_number(cell) for cell in row if cell)
+    return len(row) > 2 and any(row) and all(_is_value(cell) for cell in row if cell)
 
 
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return cell.lower() in ("null", "-")
-    return True
+def _is_value(cell: str) -> bool:
+    return is_number(cell) or cell.lower() in ("null", "-")
 
 
 def _number(about: dict[str, list[str]], key: str) -> float:
