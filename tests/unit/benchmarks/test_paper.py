@@ -210,6 +210,12 @@ def test_a_table_is_made_once_and_shown(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="arx.s0 with other settings"):
         Table(read_table(str(file), "smoke", [*SHORT, "fit.windows=17"]), table.folder)
 
+    for cell in table.folder.glob("cells/*"):
+        cell.unlink()
+    longer = Table(read_table(str(file), "smoke", [*SHORT, "seconds=[1.8, 1.8]"]), table.folder)
+    with pytest.raises(ConfigError, match="has trajectories of other settings"):
+        longer.make(WorkerPool(again, [longer.workers], 1))
+
 
 ROW = CellRow("prism3", "nominal", "network", 0, 2.95, 60.0, 30.0, "a" * 64, "b" * 64, "c" * 64)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flywheel.data.recordings import read_map, read_recording
-from flywheel.data.recordings.formats import vicon
+from flywheel.data.recordings.formats import qualisys, vicon
 from flywheel.data.recordings.formats.text import columns, numbers
 from flywheel.errors import DataError
 from flywheel.options import ImportOptions
@@ -83,6 +83,18 @@ def test_qualisys(frames: bool, truth: Truth, tmp_path: Path) -> None:
     writers.motors(truth, tmp_path / "motors.txt", TIME)
     text = f"files: [{{path: take.tsv}}, {MOTORS}]\n{COMMANDS}"
     check(imported(tmp_path / "take.tsv", text, truth)[0], truth)
+
+
+def test_a_qualisys_file_may_begin_with_markers_that_are_null(truth: Truth, tmp_path: Path) -> None:
+    path = writers.qualisys(truth, tmp_path / "take.tsv", TIME)
+    whole = qualisys.read(path, ()).streams[0].columns
+    lines = path.read_text().split("\n")
+    first = next(i for i, line in enumerate(lines) if line.startswith("1\t"))
+    lines[first] = "\t".join([*lines[first].split("\t")[:2], *["null"] * 9, ""])
+    path.write_text("\n".join(lines))
+    for name, values in qualisys.read(path, ()).streams[0].columns.items():
+        assert len(values) == len(TIME) and np.isnan(values[0])
+        np.testing.assert_array_equal(values[1:], whole[name][1:])
 
 
 def test_trc(truth: Truth, tmp_path: Path) -> None:
