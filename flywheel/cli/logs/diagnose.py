@@ -60,6 +60,7 @@ def diagnose(
       model: A trained model to test instead of the plant: a run's folder (its champion), RUN:NAME, or a
         file of weights.
       noise: Noise of each coordinate, such as 0.1mm, of logs that were filtered; by default it is estimated.
+        A number without a unit is a fraction of the robot's length.
       tolerance: RMS model error that you accept, such as 2mm (beyond noise); the search stops below it.
       page: Output file of the page.
       json: Output file of the answer as JSON.
@@ -118,15 +119,18 @@ def _settings(
 def _read(
     recordings: Sequence[Path], held_out: Sequence[Path], plant: Plant, settings: Settings, out: Out
 ) -> list[list[Trajectory]]:
-    """The logs to explain, and those held out; with a hint if the former seem to be filtered."""
+    """The logs to explain, and those held out; says a given noise in mm, or that they seem to be filtered."""
     from flywheel.cli.logs.reading import read_groups
     from flywheel.noise import noise_floor
 
     groups = read_groups((recordings, held_out), plant.robot, plant.dt, out)
     read = [[log.trajectory for log in logs] for logs in groups]
     given, least = settings.windows.noise, settings.windows.least_noise * plant.robot.length
-    noise = given or noise_floor([log.observations.points for log in read[0]])
-    if not given and noise < least:
+    if given:
+        out.say(
+            f"Noise as given: {1000 * given:.3g} mm, {given / plant.robot.length:.1%} of the robot's length."
+        )
+    elif (noise := noise_floor([log.observations.points for log in read[0]])) < least:
         out.say(
             f"The estimated noise is {1000 * noise:.1g} mm: these logs seem to be filtered. Time steps and "
             "fits will follow digits that no sensor measured, which takes long, and rarely ends at an "

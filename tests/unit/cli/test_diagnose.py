@@ -85,6 +85,11 @@ def test_a_filtered_log_is_told_at_the_start_unless_its_noise_is_given() -> None
     assert "these logs seem to be filtered" in CliRunner().invoke(app, short).output
     told = CliRunner().invoke(app, [*COMMAND, "--noise", "2mm", "--json", "answer.json"])
     assert told.exit_code == 0 and "filtered" not in told.output, told.output
+    assert "Noise as given: 2 mm, " in told.output
+    fraction = CliRunner().invoke(app, [*short, "--noise", "0.1"]).output
+    assert f"Noise as given: {100 * robot.length:.3g} mm, 10.0% of the robot's length." in " ".join(
+        fraction.split()
+    )
     answer = json.loads(Path("answer.json").read_text())
     assert answer["error"]["noise"] == pytest.approx(0.002)
     assert answer["settings"] == {"windows.noise": 0.002}
