@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -265,19 +265,26 @@ def collect_robot(folder: Path) -> None:
     write_rows(ROBOT_DRIVES, [*other_rows(DriveRow, ROBOT_DRIVES, ("set", "seed"), taken), *drives])
 
 
-def collect_paper(name: str, folder: Path) -> None:
+def collect_paper(name: str, folder: Path, overrides: Sequence[str] = ()) -> None:
     """Import the cells of a table of models, in its order; others stay.
+
+    Args:
+      name: of the table.
+      folder: with its results.
+      overrides: `key=value`, with which they were made.
 
     Raises:
       ConfigError: there is none, or one has other settings than the table has.
     """
-    table = read_table(name)
+    table = read_table(name, overrides=overrides)
     if not (new := Table(table, folder).rows()):
         raise ConfigError(f"There is no result of the table {name} in {folder}.")
     file, of = PAPER / f"{name}.csv", ("robot", "dataset", "method", "seed")
     kept = other_rows(CellRow, file, of, {values_of(row, of) for row in new})
-    order = [values_of(cell, of) for cell in table.cells()]
-    write_rows(file, sorted([*kept, *new], key=lambda row: order.index(values_of(row, of))))
+    rows = [*kept, *new]
+    table = table.model_copy(update={"seeds": sorted({row.seed for row in rows})})
+    order = {values_of(cell, of): place for place, cell in enumerate(table.cells())}
+    write_rows(file, sorted(rows, key=lambda row: order.get(values_of(row, of), len(order))))
 
 
 def _texts(folder: Path) -> list[str]:
@@ -312,6 +319,7 @@ def main() -> None:
     paper = kinds.add_parser("paper")
     paper.add_argument("table", help="its name")
     paper.add_argument("folder", type=Path)
+    paper.add_argument("overrides", nargs="*", help="KEY=VALUE, with which it was made")
     driven = kinds.add_parser("navigation")
     driven.add_argument("name", help="of the run")
     driven.add_argument("run", type=Path, help="its folder, or a file of episodes")
@@ -330,7 +338,7 @@ def _do(given: argparse.Namespace) -> None:
     elif given.kind == "navigation":
         collect_navigation(given.name, given.run, given.seed)
     elif given.kind == "paper":
-        collect_paper(given.table, given.folder)
+        collect_paper(given.table, given.folder, given.overrides)
     elif given.kind == "diagnosis":
         collect_diagnosis(given.folder, given.set)
     elif given.kind == "robot":

@@ -132,11 +132,16 @@ def plants_table(rows: Sequence[CellRow], beside: Sequence[CellRow]) -> list[str
 
 
 def left_out_table(tables: Iterable[tuple[TableConfig, Sequence[CellRow]]]) -> list[str]:
-    """Lines of Markdown: a row for each table, with the number of its cells, and all that have no cell."""
+    """Lines of Markdown: a row for each table, with the number of its cells, and all that have no cell.
+
+    Rows of other seeds than the table's count as well, by themselves.
+    """
     parts = {"robots": "robot", "data sets": "dataset", "models": "method", "seeds": "seed"}
     lines = _head("table", ["cells", *(f"{name} without any" for name in parts)])
     for table, rows in tables:
-        cells = [f"{len(rows)} of {len(table.cells())}"]
+        own = [row for row in rows if row.seed in table.seeds]
+        more = f", and {len(rows) - len(own)} of other seeds" if len(own) < len(rows) else ""
+        cells = [f"{len(own)} of {len(table.cells())}{more}"]
         for part in parts.values():
             made = {getattr(row, part) for row in rows}
             names = dict.fromkeys(getattr(cell, part) for cell in table.cells())

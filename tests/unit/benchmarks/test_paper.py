@@ -299,9 +299,9 @@ def test_a_cell_is_published_once() -> None:
 def test_results_of_a_table_that_were_collected_before_stay(tmp_path, monkeypatch):
     config = read_table("sim2sim")
 
-    def row(method: str, error: float) -> CellRow:
-        settings = settings_digest(config, Cell("prism3", "nominal", method, 0))
-        return replace(ROW, method=method, settings=settings, full_mse=error)
+    def row(method: str, error: float, seed: int = 0) -> CellRow:
+        settings = settings_digest(config, Cell("prism3", "nominal", method, seed))
+        return replace(ROW, method=method, seed=seed, settings=settings, full_mse=error)
 
     monkeypatch.setattr(tables, "PAPER", tmp_path)
     write_rows(tmp_path / "sim2sim.csv", [row("arx", 9.0), row("network", 8.0)])
@@ -312,6 +312,16 @@ def test_results_of_a_table_that_were_collected_before_stay(tmp_path, monkeypatc
     tables.collect_paper("sim2sim", folder)
     found = tables.paper_rows("sim2sim")
     assert [(row.method, row.full_mse) for row in found] == [("arx", 9.0), ("network", 3.0)]
+
+    (folder / "cells" / "prism3.nominal.network.s0.csv").unlink()
+    write_rows(folder / "cells" / "prism3.nominal.arx.s2.csv", [row("arx", 5.0, seed=2)])
+    with pytest.raises(ConfigError, match="no result of the table sim2sim in"):
+        tables.collect_paper("sim2sim", folder)
+    tables.collect_paper("sim2sim", folder, ["seeds=[0,2]"])
+    more = tables.paper_rows("sim2sim")
+    assert [(row.method, row.seed) for row in more] == [("arx", 0), ("network", 0), ("arx", 2)]
+    (left,) = left_out_table([(config, more)])[2:]
+    assert left.startswith("| sim2sim | 2 of 144, and 1 of other seeds | icosa6 |")
 
     lines = result_table(config, found)
     assert lines[0].startswith("| prism3: model | whole: MSE/L [%] | ")
