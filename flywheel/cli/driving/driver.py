@@ -154,12 +154,12 @@ class PlantDriver(_Driver):
         walk, task = self._recorder.walk(plan, episode), self._recorder.task(plan)
         return _line(self.setting, walk, task, episode, begun), episode
 
-    def film(self, seed: int, episode: Episode, path: Path) -> Path:
+    def film(self, seed: int, episode: Episode, path: Path, stage: Stage) -> Path:
         """Make the video of an episode."""
         task, states = self._recorder.task(self.plan(seed)), episode.trajectory.states
         assert task is not None and states is not None, "a planned episode on a plant has both"
         scenery = scenery_of(task, episode.terrain)
-        return Film(self.robot, states, scenery, plans=episode.plans).write(path)
+        return Film(self.robot, states, scenery, plans=episode.plans).write(path, stage.update)
 
     @contextmanager
     def _shown(self, plan: EpisodePlan, wanted: bool) -> Iterator[OnPiece | None]:

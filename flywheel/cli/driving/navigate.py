@@ -175,9 +175,10 @@ def _film(
 ) -> None:
     from flywheel.errors import FlywheelError
 
-    progress.say("Filming; without a graphics card this takes longer than driving.")
     try:
-        out.say(f"Video: {driver.film(seed, episode, path)}")
+        with progress.stage("film", 1.0) as stage:
+            driver.film(seed, episode, path, stage)
+        out.say(f"Video: {path}")
     except FlywheelError as error:
         out.say(f"No video: {error}")
 

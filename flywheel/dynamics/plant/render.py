@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -99,10 +99,28 @@ class Film:
         if self.ghosts is not None and self.ghosts.shape != drawn:
             raise DataError(f"Predicted points to draw must be {drawn}, got {self.ghosts.shape}.")
 
-    def write(self, path: str | Path) -> Path:
-        """Write it as an mp4, see `write_video`."""
-        shot = self.shot or usual_shot(self.scenery)
-        return write_video(self.frames(), path, shot.size, self.fps)
+    @property
+    def times(self) -> Floats:
+        """(F,) times of its frames [s]."""
+        return np.arange(0, len(self.states.qpos) * self.dt, 1 / self.fps)
+
+    def write(
+        self, path: str | Path, progress: Callable[[float], None] = lambda done: None
+    ) -> Path:
+        """Write it as an mp4, see `write_video`.
+
+        Args:
+          path: of the video.
+          progress: receives the share of the frames that are done, after each.
+        """
+        shot, count = self.shot or usual_shot(self.scenery), len(self.times)
+
+        def shown() -> Iterator[np.ndarray]:
+            for number, frame in enumerate(self.frames(), 1):
+                yield frame
+                progress(number / count)
+
+        return write_video(shown(), path, shot.size, self.fps)
 
     def frames(self) -> Iterator[np.ndarray]:
         """Its frames (height, width, 3) uint8."""
@@ -112,7 +130,7 @@ class Film:
         model.vis.global_.offwidth = max(model.vis.global_.offwidth, shot.size[0])
         model.vis.global_.offheight = max(model.vis.global_.offheight, shot.size[1])
         data = mujoco.MjData(model)
-        times = np.arange(0, len(states.qpos) * dt, 1 / fps)
+        times = self.times
         steps = np.minimum(np.round(times / dt).astype(int), len(states.qpos) - 1)
         centers = np.array([_pose(model, data, states, step) for step in steps])
         views = _smooth(centers, 1 / fps)

@@ -23,7 +23,10 @@ def states(robot: Robot) -> State:
 @pytest.mark.slow
 @pytest.mark.renders
 def test_a_video_has_a_frame_for_each_moment(robot: Robot, states: State, tmp_path: Path) -> None:
-    path = Film(robot, states, fps=25, shot=SMALL).write(tmp_path / "new" / "a.mp4")
+    shares: list[float] = []
+    film = Film(robot, states, fps=25, shot=SMALL)
+    path = film.write(tmp_path / "new" / "a.mp4", shares.append)
+    assert shares == pytest.approx(np.arange(1, 12) / 11)
     frames, seconds = imageio_ffmpeg.count_frames_and_secs(str(path))
     assert frames == 11  # 0.4 s and the first
     assert seconds == pytest.approx(11 / 25, abs=0.05)
