@@ -28,7 +28,7 @@ from flywheel.data.recordings.joining.alignment import (
     seen_lengths,
 )
 from flywheel.data.recordings.joining.channels import points_of
-from flywheel.data.recordings.joining.lookup import Sheets
+from flywheel.data.recordings.joining.lookup import Sheets, no_times
 from flywheel.data.recordings.joining.series import Clock
 from flywheel.data.recordings.mapping import RecordingMap
 from flywheel.data.recordings.sources import ANGLES, HOLD, LENGTHS, TIMES
@@ -102,9 +102,13 @@ def guess(paths: Sequence[Path], robot: Robot, folder: Path) -> str:
     count = len(robot.points)
     files.sort(key=lambda each: -max(len(markers(each[1])), len(threes(each[1], count))))
     draft = Draft(robot, folder)
-    draft.values["files"] = [_entry(path, file, draft) for path, file in files]
+    entries = [_entry(path, file, draft) for path, file in files]
+    draft.values["files"] = entries
     _add_points(draft, files[0][1])
     _add_commands(draft, _placed(draft))
+    for entry in entries:
+        if "rate" in entry:  # nobody knows it
+            entry["rate"] = None
     return draft.text()
 
 
@@ -134,15 +138,10 @@ def _entry(path: Path, file: LogFile, draft: Draft) -> dict[str, object]:
         (name, each.columns[name]) for each in timeless if (name := _time_of(each)) is not None
     ]
     if not times:
-        entry["rate"] = 100
-        draft.remarks.append(f"{file.name} has no column of times: its rate [Hz] is to fill in")
-        for name in (n for stream in timeless for n in stream.columns if named_time(n)):
-            draft.remarks.append(
-                f"{file.name}: {name!r} has times more than once; rows of several things at a time need "
-                "where: {COLUMN: VALUE}, which chooses those of one, or columns of their own"
-            )
+        entry["rate"] = 100.0  # for the rest of the draft
+        draft.remarks += _why_timeless(file, timeless)
         return entry
-    renamed = [f"c{columns.index(n) + 1}" if "columns" in entry else n for n, _ in times]
+    renamed = [n.replace("column ", "c") if "columns" in entry else n for n, _ in times]
     entry["time"] = renamed[0] if len(renamed) == 1 else renamed
     step = float(np.nanmedian(np.diff(times[0][1])))
     fitting = [
@@ -155,6 +154,20 @@ def _entry(path: Path, file: LogFile, draft: Draft) -> dict[str, object]:
             f"{file.name}: steps of {times[0][0]!r} are {step:g}; its unit is guessed"
         )
     return entry
+
+
+def _why_timeless(file: LogFile, streams: Sequence[Stream]) -> list[str]:
+    """Remarks about a file none of whose columns are times."""
+    found = [no_times(each, n) for each in streams for n in each.texts if named_time(n)]
+    found.append("it has no column of times: its rate [Hz] is to fill in")
+    found += [
+        f"{name!r} has times more than once; rows of several things at a time need where: {{COLUMN: VALUE}}, "
+        "which chooses those of one, or columns of their own"
+        for each in streams
+        for name in each.columns
+        if named_time(name)
+    ]
+    return [f"{file.name}: {words}" for words in found]
 
 
 def _time_of(stream: Stream) -> str | None:
@@ -217,7 +230,7 @@ def _add_points(draft: Draft, file: LogFile) -> None:
 
 
 def _placed(draft: Draft) -> tuple[Floats, Floats] | None:
-    """Times (N,) and positions (N, P, 3) by the draft, which gets unit and axes; None without all points."""
+    """Times (N,) and positions (N, P, 3) by the draft, which gets unit and axes; None without any point."""
     try:
         points = _positions(draft)
     except DataError as error:
@@ -249,10 +262,12 @@ def _positions(draft: Draft) -> tuple[Floats, Floats] | None:
     how = draft.how()
     sheets = Sheets(draft.folder, how, how.files[:1], draft.files)
     series, _ = points_of(sheets, [Clock(0.0, 1.0)], draft.robot, how)
-    known = [each for each in series if each is not None]
-    if len(known) < len(series):
+    known = next((each for each in series if each is not None), None)
+    if known is None:
         return None
-    return known[0].time, np.stack([each.values for each in known], axis=1)
+    unseen = np.full_like(known.values, np.nan)
+    points = [unseen if each is None else each.values for each in series]
+    return known.time, np.stack(points, axis=1)
 
 
 def _add_axes(draft: Draft, points: Floats) -> None:
@@ -260,8 +275,9 @@ def _add_axes(draft: Draft, points: Floats) -> None:
     robot = draft.robot
     if not robot.free:
         return
-    wanted = robot.points_of(robot.keyframe)[:, 2]
-    usual = np.nanmedian(points, axis=0)
+    seen = np.isfinite(points).any(axis=(0, 2))
+    wanted = robot.points_of(robot.keyframe)[seen, 2]
+    usual = np.nanmedian(points[:, seen], axis=0)
 
     def off(axis: int) -> float:
         beyond = usual[:, axis] - wanted

@@ -177,6 +177,15 @@ class RecordingMap(Frozen):
     tensions: dict[Name, TensionChannel] = Field(default={})
     lengths: dict[Name, LengthChannel] = Field(default={})
 
+    @model_validator(mode="after")
+    def _begins_with_its_clock(self) -> Self:
+        first = self.files[0] if self.files else None
+        if first and (first.offset != 0 or first.pace != 1):
+            raise ValueError(
+                "the first file's clock is that of the recording: give offset and pace of the others"
+            )
+        return self
+
     @property
     def assembles(self) -> bool:
         """True if the map names files, markers, bodies or channels, not only columns of one table."""

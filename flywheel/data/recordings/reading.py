@@ -178,12 +178,12 @@ def _read(
     """The log's raw values."""
     if not how.assembles and not path.is_dir() and format_of(path) is TABLE:
         with open_table(path, told) as sheet:
-            if " " not in sheet.header[0] or len(sheet.header) > 1:
+            if sum(map(bool, sheet.header)) > 1:
                 columns = matched(sheet, robot, how)
                 table = sheet.read(list(columns.theirs.values()), most_rows(robot))
                 log, findings = pick(table, columns, robot, how)
                 return Assembled(table.digest, log, 0.0, tuple(findings))
-        # Its columns are separated by blanks.
+        # Its columns are separated by blanks, or titles are above them.
     entries = how.files or (FileEntry(path=path.name),)
     try:
         return assemble(path.parent, entries, robot, how, dt, follow)

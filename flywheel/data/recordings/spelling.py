@@ -35,7 +35,11 @@ def markers(file: LogFile) -> list[str]:
             whole = {base + other for other in others} <= there and base + "[3]" not in there
             if name.endswith(end) and whole:
                 found.append(base)
-    return [*found, *(name for name in spelled(file) if name not in found)]
+    taken = {f"{name}{end}" for name in found for end in (".x", "_x", "[0]")}
+    return [
+        *found,
+        *(n for n, axes in spelled(file).items() if n not in found and axes[0] not in taken),
+    ]
 
 
 def spelled(file: LogFile) -> dict[str, list[str]]:

@@ -17,6 +17,8 @@ from flywheel.outputs import printable
 
 BEGIN = 8192  # bytes that tell a format
 NEXUS = rb"(Trajectories|Devices|Model Outputs|Joints|Segments|Events)[,\t\r\n]+ *[\d.]+"
+# The beginnings of exports with other separators than their programs write.
+ANEW = rb'"?(Format Version"?[;\t]|(NO_OF_FRAMES|PathFileType)[;]|NO_OF_FRAMES,|(Trajectories|Devices);)'
 ZIP = b"PK\x03\x04"
 USER_BLOCKS = (0, 512, 1024, 2048, 4096)  # bytes before the content of an HDF5 file
 HDF5 = b"\x89HDF\r\n\x1a\n"
@@ -111,6 +113,11 @@ REFUSED: tuple[tuple[Callable[[bytes], bool], str], ...] = (
     (
         lambda b: re.match(rb'\{\s*"[^"]*"\s*:|\[\s*[\[{]', _plain(b)) is not None,
         "is JSON. Write its numbers as CSV, or keep them as NPZ, HDF5 or Parquet.",
+    ),
+    (
+        lambda b: re.match(ANEW, _plain(b)) is not None,
+        "is a tracker's export that was saved anew, perhaps by a spreadsheet, which may have changed its "
+        "numbers. Give the export itself.",
     ),
     (lambda b: b.startswith(b"\x1f\x8b"), "is compressed (gzip). Unpack it."),
     (

@@ -80,7 +80,7 @@ class Reader(Protocol):
 
 def named_time(name: str) -> bool:
     """True for a column that may be the time by its name."""
-    return name.lower() in TIME_NAMES or re.search(r"time|stamp", name.lower()) is not None
+    return name.lower() in TIME_NAMES or re.search(r"time|stamp|zeit", name.lower()) is not None
 
 
 def metres(word: str) -> str | None:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from statistics import median
 
 import numpy as np
 
@@ -20,8 +21,11 @@ from flywheel.data.recordings.formats.text import (
     head,
 )
 from flywheel.errors import DataError
+from flywheel.records import Floats
 
+AXES = ("x", "y", "z")
 HEADER_LINES = 200  # comments and titles before the rows
+WITH_COMMA = re.compile(r"[-+]?\d+,\d+(e[-+]?\d+)?", re.I)
 BLANKS = re.compile(rb"[ \t]+")
 
 
@@ -29,14 +33,9 @@ def read(path: Path, names: tuple[str, ...]) -> Contents:
     """See `Reader`. Lines that begin with # or % are comments, the last of them may be the header."""
     content = content_of(path)
     lines = head(content, HEADER_LINES)
-    first = next(
-        (i for i, line in enumerate(lines) if line.strip() and line.lstrip()[0] not in "#%"), None
-    )
-    if first is None:
-        raise DataError("it has no rows.")
-    delimiter = max(DELIMITERS, key=lines[first].count)
-    if lines[first].count(delimiter) == 0:
-        delimiter = " "
+    first = _first_row(lines)
+    delimiter = _delimiter(lines[first])
+    if delimiter == " ":
         body = b"\n".join(
             BLANKS.sub(b" ", line.strip()) for line in after_line(content, first).split(b"\n")
         )
@@ -57,16 +56,77 @@ def read(path: Path, names: tuple[str, ...]) -> Contents:
     if len(header) < len(row):
         raise DataError(f"line {first + 1} has {len(row)} columns; {len(header)} names are given.")
     header = [name or f"column {i}" for i, name in enumerate(header, 1)]
-    begin = [_split(line, delimiter) for line in head(body, 2)]
-    if len(begin) == 2 and _numbers(begin[0]) == 0 < _numbers(begin[1]):  # a row of units
+    begin = [_split(line, delimiter) for line in head(body, 3)]
+    if begin and sum(cell.lower() in AXES for cell in begin[0]) > len(header) / 2:
+        header = _with_axes(header, begin[0])
+        body, first, begin = after_line(body, 1), first + 1, begin[1:]
+    if len(begin) >= 2 and _numbers(begin[0]) == 0 < _numbers(begin[1]):  # a row of units
         body, first, begin = after_line(body, 1), first + 1, begin[1:]
     point = "," if begin and delimiter != "," and _decimal_comma(begin[0]) else "."
     each = columns(body, delimiter, len(header), first + 1, point)
     found = dict(zip(distinct(header), each, strict=True))
     values = {name: each for name, each in found.items() if isinstance(each, np.ndarray)}
+    values |= _whole_times(values)
     texts = {name: each for name, each in found.items() if not isinstance(each, np.ndarray)}
     stamps = frozenset(name for name, each in _stamped(found, body, delimiter) if each)
     return Contents((by_marker(Stream(values, texts=texts, stamps=stamps)),))
+
+
+def _first_row(lines: Sequence[str]) -> int:
+    """Index of the header, or of the first row: of the first line that is no comment, or, after titles, of
+    the first that is half as wide as lines usually are, if it has names.
+
+    Raises:
+      DataError: all lines are comments.
+    """
+    rows = [i for i, line in enumerate(lines) if line.strip() and line.lstrip()[0] not in "#%"]
+    if not rows:
+        raise DataError("it has no rows.")
+    delimiter = _delimiter(lines[rows[-1]])
+    wide = [_width(lines[row], delimiter) for row in rows]
+    found = next(row for row, width in zip(rows, wide, strict=True) if width >= median(wide) / 2)
+    unnamed = _all_numbers(_split(lines[found], delimiter))
+    return rows[0] if unnamed and wide[0] else found
+
+
+def _delimiter(line: str) -> str:
+    """Of the cells of a line: a comma, a semicolon, a tab, or a blank."""
+    for between in (";", "\t", None):
+        row = line.split(between)
+        commas = [cell.strip() for cell in row if "," in cell]
+        if len(row) > 1 and sum(map(bool, map(WITH_COMMA.fullmatch, commas))) > len(commas) / 2:
+            return between or " "
+    most = max(DELIMITERS, key=line.count)
+    return most if most in line else " "
+
+
+def _width(line: str, delimiter: str) -> int:
+    """Delimiters of a line before its last cell that is not empty."""
+    if delimiter == " ":
+        return len(line.split()) - 1
+    return line.rstrip(f"{delimiter} ").count(delimiter)
+
+
+def _with_axes(header: Sequence[str], axes: Sequence[str]) -> list[str]:
+    """Names of columns where a row of x, y and z is under the markers, each of which may be named once."""
+    found, owner = list(header), ""
+    for i, (name, axis) in enumerate(zip(header, axes, strict=False)):
+        owner = owner if name == f"column {i + 1}" else name
+        if axis.lower() in AXES:
+            found[i] = f"{owner}.{axis.lower()}"
+        elif name == f"column {i + 1}":
+            found[i] = axis or name
+    return found
+
+
+def _whole_times(columns: Mapping[str, Floats]) -> dict[str, Floats]:
+    """Times of ROS whose seconds and nanoseconds are columns, `stamp.sec` and `stamp.nanosec`: `stamp`."""
+    found = dict[str, Floats]()
+    for name in columns:
+        parts = re.fullmatch(r"((.*?)[._/]?)(?:nano|n)(secs?)", name)
+        if parts is not None and (seconds := parts[1] + parts[3]) in columns:
+            found[parts[2] or "time"] = columns[seconds] + 1e-9 * columns[name]
+    return {name: times for name, times in found.items() if name not in columns}
 
 
 def _split(line: str, delimiter: str) -> list[str]:
@@ -75,13 +135,9 @@ def _split(line: str, delimiter: str) -> list[str]:
 
 def _all_numbers(row: list[str]) -> bool:
     """True for a first row of data: more than half of its cells are numbers, or dates."""
-    return (
-        sum(
-            bool(re.fullmatch(r"[-+]?[\d.,:eE+\-TZ /]*\d[\d.,:eE+\-TZ /]*|nan|NaN|", c))
-            for c in row
-        )
-        > len(row) / 2
-    )
+    filled = [cell for cell in row if cell]
+    number = re.compile(r"[-+]?[\d.,:eE+\-TZ /]*\d[\d.,:eE+\-TZ /]*|nan|NaN")
+    return sum(number.fullmatch(cell) is not None for cell in filled) > len(filled) / 2
 
 
 def _numbers(row: list[str]) -> int:

@@ -67,7 +67,8 @@ def _block(title: str, content: bytes) -> tuple[Stream, list[str]]:
     rows = [cells(line, delimiter) for line in lines]
     if len(rows) < HEADER_LINES or not rows[3] or rows[3][0].lower() != "frame":
         raise DataError(
-            f"the header of its block {title!r} is not five rows: title, rate, names, axes, units."
+            f"the header of its block {title!r} is not five rows: title, rate, names, axes, units; was it "
+            "saved anew by a spreadsheet?"
         )
     try:
         rate = float(rows[1][0])

@@ -20,7 +20,7 @@ from flywheel.data.recordings.joining.series import one_log
 from flywheel.data.recordings.mapping import RecordingMap
 from flywheel.data.recordings.report import Finding, listed
 from flywheel.data.recordings.sources import FileEntry
-from flywheel.data.recordings.tables.columns import Log
+from flywheel.data.recordings.tables.columns import Log, check_renamed
 from flywheel.errors import DataError
 from flywheel.robots import Robot
 
@@ -90,6 +90,16 @@ def assemble(
 
 def _check_names(robot: Robot, how: RecordingMap) -> None:
     """Raises DataError for names in the map that the robot does not have."""
+    check_renamed(robot, how)
+    given = {f"{point}.{axis}" for point in how.markers for axis in "xyz"}
+    given |= {f"ctrl.{winch}" for winch in how.commands}
+    given |= {f"tension.{cable}" for cable in how.tensions} | {f"length.{c}" for c in how.lengths}
+    twice = [name for name in how.columns if name in given]
+    if twice:
+        raise DataError(
+            f"the map gives {listed(twice)} twice: under columns, and under markers, commands, tensions or "
+            "lengths."
+        )
     points, bodies = [p.name for p in robot.points], [b.name for b in robot.bodies]
     winches, cables = [w.name for w in robot.winches], [c.name for c in robot.cables]
     for key, names, known in (

@@ -11,11 +11,13 @@ from flywheel.data.recordings.joining.lookup import Found, Sheets, length_of
 from flywheel.data.recordings.joining.series import Clock, Series
 from flywheel.data.recordings.mapping import RecordingMap
 from flywheel.data.recordings.report import Finding, listed
-from flywheel.data.recordings.sources import Channel, factor_of, newtons_of
+from flywheel.data.recordings.sources import ANGLES, TICKS, Channel, factor_of, newtons_of
 from flywheel.data.recordings.tables.columns import channel_names
 from flywheel.errors import DataError
 from flywheel.records import ChannelKind, Floats
 from flywheel.robots import Cable, Robot, Winch
+
+DRUM = (*ANGLES, TICKS)  # units for which a drum's radius is needed
 
 
 def points_of(
@@ -49,15 +51,23 @@ def points_of(
                 missing.append(point.name)
         found.append(None if each is None else _series(each, _in_our_frame(each, how), clocks))
     if missing:
-        known = sheets.markers()
-        there = f" The files have {listed(known, 12)}." if known else " The files have no marker."
-        raise DataError(
-            f"{listed(missing)} of the robot {robot.name} is in no file: give its marker under markers, the "
-            f"pose of its body under poses, or null under markers if nobody measured it.{there}"
-        )
+        raise _in_no_file(missing, sheets, robot)
     if not any(found):
         raise DataError("the map gives no marker and no pose.")
     return found, notes
+
+
+def _in_no_file(missing: Sequence[str], sheets: Sheets, robot: Robot) -> DataError:
+    """The message about points whose markers are not found."""
+    for name in missing:
+        if problem := sheets.without_times(name):
+            return DataError(problem)
+    known = sheets.markers()
+    there = f" The files have {listed(known, 12)}." if known else " The files have no marker."
+    return DataError(
+        f"{listed(missing)} of the robot {robot.name} is in no file: give its marker under markers, the "
+        f"pose of its body under poses, or null under markers if nobody measured it.{there}"
+    )
 
 
 def _in_our_frame(found: Found, how: RecordingMap) -> Floats:
@@ -166,6 +176,13 @@ def _channel(
     unit = channel.unit or (how.units.tension if told else getattr(how.units, kind))
     drum = channel.drum if channel.drum is not None else how.units.drum
     what = f"the unit of {of.name}"
+    base = unit.removeprefix("-").removesuffix("/s")
+    for key, given, fitting in (("drum", channel.drum, DRUM), ("per", channel.per, (TICKS,))):
+        if given is not None and base not in fitting:
+            raise DataError(
+                f"{what} is {unit!r}, for which {key} has no effect; give unit, one of "
+                f"{', '.join(fitting)} (rates per second), or leave {key} out."
+            )
     try:
         factor = sign * (
             newtons_of(unit, what) if told else factor_of(unit, what, drum, channel.per)

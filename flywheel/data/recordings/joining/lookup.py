@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence, Sized
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 from types import MappingProxyType
@@ -25,6 +25,8 @@ from flywheel.data.recordings.mapping import RecordingMap
 from flywheel.data.recordings.report import listed
 from flywheel.data.recordings.sources import TIMES, FileEntry, factor_of
 from flywheel.errors import DataError
+from flywheel.files import shown
+from flywheel.outputs import printable
 from flywheel.records import Floats
 from flywheel.registry import nearest
 
@@ -85,9 +87,17 @@ class Sheets:
             file = known.get(entry.path)
             if file is None or entry.columns:
                 file = open_log(folder / entry.path, entry.format, entry.columns)
+            same = [Path(each.path).name for each in entries].count(Path(entry.path).name) > 1
+            if same:  # columns are told apart by their paths
+                file = replace(file, name=printable(entry.path))
             self.files.append(file)
+            _check_entry(file, entry)
             for stream in file.streams:
                 self._add(index, file, stream, entry, how)
+        streams = [each for file in self.files for each in file.streams]
+        time = how.columns.get("time")
+        if time and not any(time in each.columns or time in each.texts for each in streams):
+            raise self.unknown(time, "column", self.names())
 
     def points(self, name: str | tuple[str, ...]) -> Found | None:
         """(N, 3) positions by a marker's name, three columns, or names of its parts; None without them."""
@@ -155,7 +165,12 @@ class Sheets:
             (each, plain) for each in self.sources if (plain := _own(each, names)) is not None
         ]
         if len(having) > 1:
-            others = listed([f"'{each.name}/{plain[0]}'" for each, plain in having])
+            places = [f"'{each.name}/{plain[0]}'" for each, plain in having]
+            if len({*places}) == 1:
+                raise DataError(
+                    f"{places[0]} is there {len(places)} times: is a file given twice under files?"
+                )
+            others = listed(places)
             raise DataError(f"{names[0]!r} is in several files or tables: write one of {others}.")
         if not having:
             self._refuse_text(names)
@@ -176,11 +191,17 @@ class Sheets:
             if n.endswith(".x") and {f"{n[:-2]}.y", f"{n[:-2]}.z"} <= names
         ]
 
+    def without_times(self, name: str) -> str:
+        """The reason why a column or marker has no times; "" if it has, or is in no file."""
+        begins = (f"{name}.", f"{name}_", f"{name}[")
+        found = (n for n in self._timeless if n == name or n.startswith(begins))
+        return self._timeless.get(next(found, ""), "")
+
     def unknown(self, name: str, kind: str, known: Sequence[str]) -> DataError:
         """The message about a name that no file has."""
         where = listed([file.name for file in self.files])
-        if name in self._timeless:
-            return DataError(self._timeless[name])
+        if problem := self.without_times(name):
+            return DataError(problem)
         there = f" There are: {listed([repr(each) for each in known], 12)}." if known else ""
         return DataError(f"{where} has no {kind} {name!r}.{nearest(name, known)}{there}")
 
@@ -230,6 +251,20 @@ def length_of(source: Source, how: RecordingMap) -> Floats:
         if stream.length is not None:
             return np.full(3, factor_of(stream.length, "the file's unit", None))
     return how.units.metres
+
+
+def _check_entry(file: LogFile, entry: FileEntry) -> None:
+    """Raises DataError for columns of times, or that choose rows, which a file does not have."""
+    streams = [each for own in file.streams for each in (own, own.rows) if each is not None]
+    known = {name: None for each in streams for name in (*each.columns, *each.texts)}
+    given = (entry.time,) if isinstance(entry.time, str) else entry.time
+    for key, names in (("time", given), ("where", entry.where)):
+        for name in names:
+            if name not in known:
+                raise DataError(
+                    f"{file.name} has no column {name!r}, which the map gives as {key}."
+                    f"{nearest(name, known)} There are: {listed([repr(each) for each in known], 12)}."
+                )
 
 
 def _own(source: Source, names: Sequence[str]) -> list[str] | None:
@@ -284,22 +319,37 @@ def _time(
     for name in [*given, *((renamed,) if renamed else ())]:
         if name in stream.columns:
             return _seconds(stream, name, entry, how), ""
-    rate = entry.rate or (1 / how.dt if how.dt else None)
-    if rate is not None:
-        return np.arange(size) / rate, ""
+        if name in stream.texts:
+            return None, no_times(stream, name)
+    if entry.rate is not None:
+        return np.arange(size) / entry.rate, ""
+    there = [name for name in stream.columns if name.lower() in TIME_NAMES] or sorted(stream.stamps)
+    own = stream.time is not None or len(there) == 1
+    if own and how.dt is not None:
+        return None, "it has times, and the map gives dt too; keep one (dt, or rate under files)."
     if stream.time is not None:
         return stream.time, ""
-    there = [name for name in stream.columns if name.lower() in TIME_NAMES]
-    if len(there) == 1:
+    if own:
         return _seconds(stream, there[0], entry, how), ""
-    dates = sorted(stream.stamps)
-    if not there and len(dates) == 1:
-        return _seconds(stream, dates[0], entry, how), ""
+    if how.dt is not None:
+        return np.arange(size) * how.dt, ""
+    texts = [name for name in stream.texts if name.lower() in TIME_NAMES]
+    if texts and not there:
+        return None, no_times(stream, texts[0])
     names = listed([repr(name) for name in [*stream.columns, *stream.texts]], 12)
     asked = f" (the map names {listed([repr(n) for n in given])})" if given else ""
     return None, (
         f"no column is known to be the time{asked}. Name it under files (time: NAME, unit: ms), or give the "
         f"rate (rate: 100). There are: {names}."
+    )
+
+
+def no_times(stream: Stream, name: str) -> str:
+    """The reason why a column of texts is none of times."""
+    text = next((each for each in stream.texts[name] if each.strip()), "")
+    return (
+        f"the times {name!r} begin with {shown(text)}. Times are numbers, times of day (10:00:00.5), or "
+        "dates (2026-12-01T10:00:00.5); or give the rate (rate: 100)."
     )
 
 

@@ -75,6 +75,23 @@ def channel_names(robot: Robot) -> dict[str, tuple[ChannelKind, str]]:
     return {name: key for name, key in names.items() if name not in others}
 
 
+def _names(robot: Robot) -> list[str]:
+    """Our names of all columns that a log may have."""
+    points = [*control_names(robot), *point_names(robot)]
+    return [TIME, *points, *winch_names(robot), *channel_names(robot)]
+
+
+def check_renamed(robot: Robot, how: RecordingMap) -> None:
+    """Raises DataError for a column that a map renames, and the robot does not have."""
+    known = _names(robot)
+    for name in how.columns:
+        if name not in known:
+            raise DataError(
+                f"the map renames {name!r}, which the robot {robot.name} does not "
+                f"have.{nearest(name, known)}"
+            )
+
+
 @dataclass(frozen=True)
 class Columns:
     """Selection of a file's columns.
@@ -103,9 +120,9 @@ def matched(
       DataError: a column is missing, or an unknown one exists.
     """
     needed = control_names(robot) if commands_only else [*control_names(robot), *point_names(robot)]
-    known = [TIME, *control_names(robot), *point_names(robot), *winch_names(robot)]
-    known += channel_names(robot)
-    theirs = _their_names(sheet, robot, how, known)
+    known = _names(robot)
+    check_renamed(robot, how)
+    theirs = _their_names(sheet, how, known)
     _refuse_unknown(sheet, robot, how, theirs)
     there = set(sheet.header)
     missing = [theirs[name] for name in needed if theirs[name] not in there]
@@ -170,16 +187,8 @@ def pick(
     return log, findings
 
 
-def _their_names(
-    sheet: OpenTable, robot: Robot, how: RecordingMap, known: list[str]
-) -> dict[str, str]:
+def _their_names(sheet: OpenTable, how: RecordingMap, known: list[str]) -> dict[str, str]:
     """Our name -> the file's name, of every allowed column."""
-    for name in how.columns:
-        if name not in known:
-            raise DataError(
-                f"{sheet.file}: the map renames {name!r}, which the robot {robot.name} does not "
-                f"have.{nearest(name, known)}"
-            )
     theirs = {name: how.columns.get(name, name) for name in known}
     twice = [name for name, n in Counter(theirs.values()).items() if n > 1]
     if twice:

@@ -291,3 +291,55 @@ def test_rows_of_points_that_were_sent_twice_are_dropped_beside_commands_of_anot
     (folder / "take.tsv").write_text("\n".join([*lines[: row + 1], *lines[row:]]) + "\n")
     track, _ = imported(folder / "take.tsv", FILES + COMMANDS, truth)
     check(track, truth)
+
+
+@pytest.mark.parametrize(
+    ("entry", "more", "words"),
+    [
+        ("time: tt", "", "no column 'tt', which the map gives as time. Did you mean 't'"),
+        ("time: kind", "", "the times 'kind' begin with 'told'"),
+        ("where: {knd: told}", "", "no column 'knd', which the map gives as where. Did you mean"),
+        ("unit: s", "columns: {time: tt}\n", "has no column 'tt'. Did you mean 't'"),
+        ("unit: s", "columns: {frnt.x: a}\n", "renames 'frnt.x', which .* does not have"),
+        ("unit: s", "columns: {ctrl.rear: time}\n", "gives ctrl.rear twice: under columns"),
+        ("unit: s", "dt: 0.02\n", "it has times, and the map gives dt too"),
+        ("offset: 1", "", "the first file's clock is that of the recording"),
+        ("pace: 1.1", "", "the first file's clock is that of the recording"),
+    ],
+)
+def test_a_part_of_a_map_without_an_effect_is_refused(
+    entry: str, more: str, words: str, truth: Truth, tmp_path: Path
+) -> None:
+    writers.table(truth, path := tmp_path / "log.csv", TIME)
+    header, *rows = path.read_text().splitlines()
+    path.write_text("\n".join([f"{header},kind", *(f"{row},told" for row in rows)]) + "\n")
+    told = "commands: {rear: ctrl.rear}\n"
+    imported(path, f"files: [{{path: log.csv, unit: s}}]\n{told}", truth)
+    with pytest.raises((DataError, ConfigError), match=words):
+        imported(path, f"files: [{{path: log.csv, {entry}}}]\n{more}{told}", truth)
+
+
+@pytest.mark.parametrize("key", ["drum: 5 cm", "per: 100"])
+def test_a_drum_of_a_winch_in_metres_is_refused(key: str, folder: Path, truth: Truth) -> None:
+    text = FILES + COMMANDS.replace("rear: {", f"rear: {{{key}, ")
+    assert f"for which {key.split(':')[0]} has no effect" in refused(folder, text, truth)
+
+
+def test_files_of_one_name_are_told_apart_by_their_folders(truth: Truth, tmp_path: Path) -> None:
+    for part in ("points", "motors"):
+        (tmp_path / part).mkdir()
+        writers.table(truth, tmp_path / part / "log.csv", TIME)
+    files = "files: [{path: points/log.csv}, {path: motors/log.csv}]\n"
+    text = files + "".join(
+        f"{key}: {{{', '.join(f'{n}: {folder}/log.csv/{before}{n}' for n in names)}}}\n"
+        for key, folder, before, names in (
+            ("markers", "points", "", writers.names(truth)),
+            ("commands", "motors", "ctrl.", [w.name for w in truth.robot.winches]),
+        )
+    )
+    check(imported(tmp_path / "log.csv", text, truth)[0], truth)
+    twice = files.replace("motors/log", "points/log")
+    with pytest.raises(DataError, match="is there 2 times: is a file given twice"):
+        imported(
+            tmp_path / "log.csv", twice + text.split("\n", 1)[1].replace("motors", "points"), truth
+        )

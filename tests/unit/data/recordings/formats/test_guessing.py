@@ -83,7 +83,7 @@ def test_a_spreadsheet_has_decimal_commas_units_in_its_header_and_times_of_day(
 ) -> None:
     points, told = truth.points(TIME), truth.commands(TIME)
     winches = [winch.name for winch in truth.robot.winches]
-    clock = [f"{23 + (t >= 1)}:{59 if t < 1 else 0}:{(59 + t) % 60:.3f}" for t in TIME]
+    clock = [f"{23 + (t >= 1)}:{59 if t < 1 else 0}:{(59 + t) % 60:06.3f}" for t in TIME]
     cells = [
         [at.replace("24:0", "0:00"), *(f"{1000 * x:.6f}" for x in [*p.ravel(), *u])]
         for at, p, u in zip(clock, points, told, strict=True)
@@ -98,6 +98,7 @@ def test_a_spreadsheet_has_decimal_commas_units_in_its_header_and_times_of_day(
     path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes().replace(b".", b","))
     track, draft = imported_draft([path], truth)
     check(track, truth)
+    assert draft["files"] == [{"path": "log.csv", "time": "Uhrzeit"}]
     assert draft["units"] == {"points": "mm"}
     assert draft["commands"][winches[0]]["unit"] == "mm/s"
     assert draft["commands"][winches[2]] == {"from": f"Soll {winches[2]} [mm]", "unit": "mm"}
@@ -135,7 +136,7 @@ def test_a_counter_is_no_time_and_times_that_repeat_are_told(truth: Truth, tmp_p
     cells = [[str(k), f"{k // 3 / 100}", "a", "1.5"] for k in range(60)]
     path = rows(tmp_path / "log.csv", "frame,stamp,marker,x", cells)
     text = guess([path], truth.robot, tmp_path)
-    assert yaml.safe_load(text)["files"] == [{"path": "log.csv", "rate": 100}]
+    assert yaml.safe_load(text)["files"] == [{"path": "log.csv", "rate": None}]
     assert "'stamp' has times more than once" in text
 
 
