@@ -191,6 +191,11 @@ def _go(
         passed = round((sample.time - begun) / dt) - log.done
         if passed < 1:
             raise LinkError(f"The robot's clock is stopped at {sample.time:.3f} s.")
+        if passed * dt > BLIND:
+            raise LinkError(
+                f"The robot's clock went on by {passed * dt:g} s between two measurements, to "
+                f"{sample.time:g} s; it must be in seconds."
+            )
         passed = min(passed, steps - log.done)
         going.skipped += passed - 1
         log.command(_obeyed(control, passed, valid, dt, log.robot))

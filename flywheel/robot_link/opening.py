@@ -8,6 +8,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from flywheel.errors import ConfigError, LinkError
+from flywheel.robot_link.own import OwnLink
 from flywheel.robot_link.protocol import RobotLink
 from flywheel.robot_link.ros import PORT as BRIDGE_PORT
 from flywheel.robot_link.ros import RosLink
@@ -100,26 +101,15 @@ def _opened(
         return TcpLink(*_address(where))
     if _is_ros(where):
         host, port = _address(where)
-        return _made(RosLink, where, robot, {"period": period, **arguments}, host=host, port=port)
+        more = {"host": host, "port": port, "period": period}
+        try:
+            return RosLink(robot, **{**more, **arguments})
+        except TypeError as error:
+            raise ConfigError(
+                f"{where} cannot be made from a robot and {arguments}: {error}."
+            ) from None
     module, _, name = where.partition(":")
-    made = _made(_class(module, name), where, robot, arguments)
-    if not isinstance(made, RobotLink):
-        raise ConfigError(
-            f"{where} is not a RobotLink: it needs info, reset, observe, send, stop and close."
-        )
-    return made
-
-
-def _made(
-    kind: Callable[..., Any], where: str, robot: Robot, arguments: Mapping[str, Any], **more: Any
-) -> Any:
-    """A link of a class, with the user's arguments."""
-    try:
-        return kind(robot, **{**more, **arguments})
-    except TypeError as error:
-        raise ConfigError(
-            f"{where} cannot be made from a robot and {arguments}: {error}."
-        ) from None
+    return OwnLink(where, _class(module, name), robot, dict(arguments))
 
 
 def _address(where: str) -> tuple[str, int]:
@@ -138,8 +128,9 @@ def _address(where: str) -> tuple[str, int]:
 def _class(module: str, name: str) -> Callable[..., Any]:
     try:
         there = importlib.import_module(module)
-    except ImportError as error:
-        raise ConfigError(f"The module {module} cannot be imported: {error}.") from None
+    except Exception as error:  # it is the user's code
+        words = f"{type(error).__name__}: {error}"
+        raise ConfigError(f"The module {module} cannot be imported: {words}.") from error
     try:
         return getattr(there, name)
     except AttributeError:

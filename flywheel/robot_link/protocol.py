@@ -17,6 +17,8 @@ from flywheel.errors import LinkError
 from flywheel.records import Floats
 from flywheel.robots import Robot
 
+LONGEST = 1e9  # of a robot's clock [s]; seconds since 1970 are more
+
 
 @dataclass(frozen=True)
 class RobotInfo:
@@ -76,10 +78,12 @@ class RobotInfo:
                 f"{self.name} has {len(self.points)} points and {len(self.winches)} winches; it measured "
                 f"points of the shape {shapes[0]} and winches of the shape {shapes[1]}."
             )
-        if not np.isfinite(sample.time) or not sample.stamp <= sample.time + self.period:
+        known = abs(sample.time) <= LONGEST and abs(sample.stamp) <= LONGEST
+        if not known or not sample.stamp <= sample.time + self.period:
             raise LinkError(
                 f"{self.name} gave the time {sample.time:g} s and the stamp {sample.stamp:g} s: a "
-                "measurement is stamped by the robot's own clock, before it arrives."
+                "measurement is stamped by the robot's own clock, in seconds since its reset, before it "
+                "arrives."
             )
         return sample
 

@@ -24,14 +24,13 @@ from pydantic import Field, TypeAdapter, ValidationError
 from flywheel.errors import LinkError
 from flywheel.quantities import CONTROL_STEP, Bounds
 from flywheel.records import Floats
-from flywheel.robot_link.protocol import RobotInfo, Sample
+from flywheel.robot_link.protocol import LONGEST, RobotInfo, Sample
 from flywheel.validation import Frozen
 
 FORMAT = 1
 LONGEST_LINE = 1_000_000  # [bytes]; a sample of a hundred points takes some 6,000
 MOST = 1000  # points, or winches
 FARTHEST = 1e6  # [m]; a point beyond is not measured
-LONGEST = 1e9  # of the robot's clock [s]
 Coordinate = Annotated[float, Bounds(-FARTHEST, FARTHEST, "m")]
 Coordinates = tuple[Coordinate, Coordinate, Coordinate]
 Command = Annotated[float, Bounds(-FARTHEST, FARTHEST, "m or m/s")]

@@ -24,6 +24,7 @@ from flywheel.robot_link import (
     TranscribedLink,
 )
 from flywheel.robot_link.opening import open_link
+from flywheel.robot_link.own import OwnLink
 from flywheel.robots import Robot, load_robot
 from tests.unit.robot_link.conftest import PERIOD, Serve
 
@@ -199,7 +200,7 @@ class OwnRobot:
 
 def test_a_link_of_one_s_own_is_found_by_its_name(prism3: Robot) -> None:
     link = open_link(f"{__name__}:OwnRobot", prism3, 0.02, arguments={"period": "0.02"})
-    assert isinstance(link, OwnRobot)
+    assert isinstance(link, OwnLink) and isinstance(link.own, OwnRobot)
 
 
 @pytest.mark.parametrize(
