@@ -15,14 +15,17 @@ from pydantic import Field, model_validator
 from flywheel.dynamics.baselines.named import BASELINES
 from flywheel.dynamics.baselines.weights import FITTED
 from flywheel.errors import ConfigError
+from flywheel.evaluation import HISTORY_SECONDS
 from flywheel.quantities import Bounds, EpisodeSeconds, Name, Seed
 from flywheel.registry import lookup
 from flywheel.robot_link import StandInConfig
+from flywheel.robots import load_robot
 from flywheel.runtime.config.loading import merged, read_config
 from flywheel.runtime.config.parts import SegmentName
 from flywheel.runtime.config.run_config import RunConfig
 from flywheel.runtime.workers.episode_recorder import RECORDING
 from flywheel.training.baselines import FitSettings
+from flywheel.truth_simulator.written import hidden_effects
 from flywheel.validation import Frozen, validated
 
 TABLES = Path(__file__).parents[2] / "pipelines" / "tables"
@@ -32,6 +35,7 @@ FLOORS: dict[str, Literal["random", "relaxed"]] = {  # name -> roll of the resta
     "floor": "random",
     "informed_floor": "relaxed",
 }
+OF_METHODS = ("network", "training", "evaluate")  # parts of a run that a model may change
 CONTROLLERS = ("gait:roll", "gait:cw", "gait:ccw", "random", "throw", "drop", "oracle")
 Count = Annotated[int, Bounds(1, 1000)]
 
@@ -69,6 +73,11 @@ class Method(Frozen):
             lookup(BASELINES, self.model, "model of a table")
         if self.exact and self.model not in FLOORS:
             raise ValueError(f"exact is for {' and '.join(FLOORS)}, got {self.model}")
+        if others := sorted(set(self.run) - set(OF_METHODS)):
+            raise ValueError(
+                f"run: {', '.join(others)} of a model would change nothing; of one there are "
+                f"{', '.join(OF_METHODS)}, and the run of the table has the others"
+            )
         if not self.recordings and (not self.simulations or self.model != NETWORK):
             raise ValueError(f"recordings=false is for a {NETWORK} with simulations of 1 or more")
         return self
@@ -129,6 +138,29 @@ class TableConfig(Frozen):
     seeds: tuple[Seed, ...] = Field(default=(0,), min_length=1)
 
     @model_validator(mode="after")
+    def _counts_each_once(self) -> Self:
+        for name, values in (("seeds", self.seeds), *self.robots.items()):
+            if len(set(values)) < len(values):
+                raise ValueError(
+                    f"{name} has a value twice, which would count double: {list(values)}"
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _lasts_long_enough(self) -> Self:
+        least, most = self.seconds
+        if least > most:
+            raise ValueError(f"seconds are the least and the largest; got {least:g} and {most:g}")
+        for robot, method in product(self.robots, self.methods.values()):
+            horizon = self.config(robot, method).evaluate.horizon_seconds
+            if least < HISTORY_SECONDS + horizon:
+                raise ValueError(
+                    f"seconds: the shortest trajectory, {least:g} s, must have {HISTORY_SECONDS:g} s of "
+                    f"history and the horizon of {horizon:g} s (run.evaluate.horizon_seconds)"
+                )
+        return self
+
+    @model_validator(mode="after")
     def _can_be_made(self) -> Self:
         for robot, controllers in self.robots.items():
             if unknown := set(controllers) - set(CONTROLLERS):
@@ -140,6 +172,8 @@ class TableConfig(Frozen):
                     f"{robot}: {self.repetitions} repetitions of {len(controllers)} controllers leave none "
                     f"to learn from, with {self.tested} tested and {self.validation} for validation"
                 )
+            if self.real is not None:
+                hidden_effects(self.real.hidden, load_robot(robot))
         if self.real is not None and self.starts != "fall":
             raise ValueError(f"starts={self.starts} is for plants; a real robot stands where it is")
         for method in self.methods.values():

@@ -31,6 +31,7 @@ methods:
   alone: {{simulations: 1, recordings: false}}
   mjcf_restarted: {{model: informed_floor}}
 """
+SHORTEST = ["seconds=[0.6, 0.6]", "run.evaluate.horizon_seconds=0.1"]
 SHORT = ["repetitions=3", "seconds=[1.6, 1.6]"]
 
 
@@ -58,7 +59,7 @@ def test_a_data_set_has_nine_trajectories_of_which_three_are_tested(tmp_path: Pa
 
 def starts(seed: int, folder: Path, table: str = "perturbed") -> dict[str, list[np.ndarray]]:
     """(P, 3) points at the start of gaits on one plant, by split, and of the keyframe [L]."""
-    told = ["seconds=[0.6, 0.6]", "run.datasets=[{name: nominal}]", f"run.seed={seed}"]
+    told = [*SHORTEST, "run.datasets=[{name: nominal}]", f"run.seed={seed}"]
     data = DataSets(read_table(table, "", told), "prism3", folder)
     found: dict[str, list[np.ndarray]] = {}
     for plan in data.plans:
@@ -110,6 +111,13 @@ def test_other_starts_are_other_settings_and_other_trajectories_of_the_same_seed
         ("robots.prism3=[walk]", "unknown controllers"),
         ("tested=3", "leave none to learn from"),
         ("run.network.chunk=17", "chunk"),
+        ("seconds=[4, 3]", "the least and the largest; got 4 and 3"),
+        ("seconds=[1.4, 3]", "shortest trajectory, 1.4 s, must have 0.5 s .* horizon of 1 s"),
+        ("seeds=[0, 1, 0]", "seeds has a value twice"),
+        ("robots.icosa6=[throw, throw, random]", "icosa6 has a value twice"),
+        ("methods.network.run.measurement.noise=0.01", "measurement of a model would change noth"),
+        ("methods.arx.run.seed=3", "seed of a model would change nothing"),
+        ("real={hidden: [torque_sped]}", "no hidden effect 'torque_sped'"),
     ],
 )
 def test_a_table_that_cannot_be_made_is_refused(override: str, message: str) -> None:
@@ -165,7 +173,7 @@ def test_two_processes_do_not_make_one_table(tmp_path: Path, monkeypatch, capsys
 
 
 def test_a_tested_trajectory_is_not_trained_on_under_another_name(tmp_path: Path) -> None:
-    data = DataSets(read_table("components", "smoke", ["seconds=[0.6, 0.6]"]), "prism3", tmp_path)
+    data = DataSets(read_table("components", "smoke", SHORTEST), "prism3", tmp_path)
     tested = next(plan for plan in data.plans if plan.split == "test")
     learned = next(plan for plan in data.plans if plan.split == "train")
     for plan in (tested, learned):
