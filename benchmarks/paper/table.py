@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +13,7 @@ from benchmarks.paper.datasets import DataSets
 from benchmarks.paper.definition import NETWORK, Cell, TableConfig
 from benchmarks.paper.rows import NUMBERS, CellRow, page
 from benchmarks.paper.worker import TableWorker, settings_digest
-from benchmarks.rows import rows_there, write_rows
+from benchmarks.rows import read_rows, write_rows
 from flywheel.errors import ConfigError
 from flywheel.files import read_json
 from flywheel.outputs import check_folder, write_output
@@ -37,7 +39,7 @@ class Table:
       parts: of the names of the cells that are asked for; all without any.
 
     Raises:
-      ConfigError: a part is of no cell, or the folder has results of another definition.
+      ConfigError: a part is of no cell, or a result in the folder is damaged, or of another definition.
     """
 
     def __init__(self, config: TableConfig, folder: Path, parts: Sequence[str] = ()) -> None:
@@ -52,7 +54,7 @@ class Table:
                 )
         check_folder(self.folder, "folder of the table", ConfigError)
         for row in self.rows():
-            cell = Cell(row.robot, row.dataset, row.method, row.seed)
+            cell = _cell(row)
             if row.settings != settings_digest(config, cell):
                 raise ConfigError(
                     f"{folder} has a result of {cell.name} with other settings. Give another folder."
@@ -64,10 +66,13 @@ class Table:
         return Group(WORKERS, TableWorker, (self.config, self.folder))
 
     def rows(self) -> list[CellRow]:
-        """The results so far, of all cells of the definition."""
-        return [
-            row for cell in self.config.cells() for row in rows_there(CellRow, self._file(cell))
-        ]
+        """The results so far, of all cells of the definition.
+
+        Raises:
+          ConfigError: one is damaged.
+        """
+        files = {self._file(cell): cell for cell in self.config.cells()}
+        return [_read(file, cell) for file, cell in files.items() if file.exists()]
 
     def make(
         self,
@@ -146,6 +151,25 @@ class Table:
         return {title: jobs for title, jobs in found.items() if jobs}
 
 
+def _cell(row: CellRow) -> Cell:
+    return Cell(row.robot, row.dataset, row.method, row.seed)
+
+
+def _read(file: Path, cell: Cell) -> CellRow:
+    """The result of a cell.
+
+    Raises:
+      ConfigError: the file is damaged, or of another cell.
+    """
+    with suppress(KeyError, TypeError, ValueError, csv.Error):
+        rows = read_rows(CellRow, file)
+        if [_cell(row) for row in rows] == [cell] and file.read_bytes().endswith(b"\n"):
+            return rows[0]
+    raise ConfigError(
+        f"{file} is damaged, or not the result of {cell.name}. Without it the cell is made anew."
+    )
+
+
 def publisher(board: Board, config: TableConfig) -> Callable[[Rows, Status], None]:
     """Publication at MLflow: a run for the table, and one inside it for each cell."""
     sent: set[str] = set()
@@ -153,7 +177,7 @@ def publisher(board: Board, config: TableConfig) -> Callable[[Rows, Status], Non
     def publish(rows: Rows, status: Status) -> None:
         whole = board.run(f"table-{config.name}", config.name, {"flywheel.kind": "table"})
         for row in rows:
-            cell = Cell(row.robot, row.dataset, row.method, row.seed)
+            cell = _cell(row)
             if cell.name in sent:
                 continue
             tags = {"flywheel.kind": "cell"} | ({"problem": row.problem} if row.problem else {})

@@ -337,3 +337,25 @@ def test_results_of_a_table_that_were_collected_before_stay(tmp_path, monkeypatc
     (left,) = left_out_table([(config, found)])[2:]
     assert left.startswith("| sim2sim | 2 of 144 | icosa6 | friction_low, ")
     assert left.endswith(", mjcf_restarted, restarted_random_roll, restarted |  |")
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda text: "",
+        lambda text: "garbage\n",
+        lambda text: text[:-5],
+        lambda text: text.replace(",network,", ",arx,"),
+        lambda text: text + text.splitlines()[1] + "\n",
+    ],
+)
+def test_a_damaged_result_is_refused_and_not_left_out(damage, tmp_path: Path) -> None:
+    config = read_table("sim2sim")
+    cell = Cell("prism3", "nominal", "network", 0)
+    row = replace(ROW, settings=settings_digest(config, cell), full_mse=1.25)
+    file = tmp_path / "cells" / f"{cell.name}.csv"
+    write_rows(file, [row])
+    assert Table(config, tmp_path).rows() == [row]
+    file.write_text(damage(file.read_text()))
+    with pytest.raises(ConfigError, match="is damaged, or not the result of prism3.nominal.net"):
+        Table(config, tmp_path)
