@@ -86,13 +86,14 @@ class PlantOptions:
         return (*self.effects_from, self.robot)
 
 
-def number(text: str, what: str, bounds: Bounds) -> float:
+def number(text: str, what: str, bounds: Bounds, unit: str = "") -> float:
     """Parse a number within bounds.
 
     Args:
       text: input.
       what: name of the number, at the beginning of a sentence.
       bounds: of the number.
+      unit: behind it.
 
     Raises:
       ConfigError: it is not one.
@@ -101,7 +102,7 @@ def number(text: str, what: str, bounds: Bounds) -> float:
     from flywheel.files import shown
 
     try:
-        value = float(text)
+        value = float(text.removesuffix(unit))
     except ValueError:
         value = math.nan  # which is within no bounds
     if value not in bounds:
@@ -120,7 +121,7 @@ def length_of(text: str, robot: Robot) -> float:
         f"A length, in {', '.join(UNITS)}, or without a unit as a fraction of the robot's "
         f"({robot.length:g} m), such as 9mm, 0.009m, 0.003,"
     )
-    value = number(text.removesuffix(unit), what, FACTOR)
+    value = number(text, what, FACTOR, unit)
     return value * (UNITS[unit] if unit else robot.length)
 
 
@@ -155,7 +156,7 @@ def channels_of(statements: Sequence[str], robot: Robot) -> tuple[ChannelNoise, 
         what = f"The noise of a {kind}, in {', '.join(units)}, such as 0.5{next(iter(units))},"
         if not unit:
             raise ConfigError(f"{what} needs one of these units; got {shown(text)}.")
-        sigma = number(text.removesuffix(unit), what, FACTOR) * units[unit]
+        sigma = number(text, what, FACTOR, unit) * units[unit]
         NOISE.check(sigma, what, ConfigError)
         part = "winch" if kind == "winch" else "cable"
         some = [lookup(dict.fromkeys(names, place), place, part)] if place else names

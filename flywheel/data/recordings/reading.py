@@ -16,6 +16,7 @@ from flywheel.data.recordings.cables import check_channels, check_frame
 from flywheel.data.recordings.clock import stretches, usual_period, without_duplicates
 from flywheel.data.recordings.evidence import Evidence
 from flywheel.data.recordings.formats import TABLE, format_of
+from flywheel.data.recordings.formats.table import has_decimal_commas
 from flywheel.data.recordings.geometry import (
     check_commands,
     check_robot,
@@ -41,6 +42,7 @@ from flywheel.data.recordings.tables.table import Told, open_table
 from flywheel.data.recordings.tables.values import check_commanded, mask_impossible
 from flywheel.data.splits import assign_split
 from flywheel.errors import ConfigError, DataError
+from flywheel.files import opened
 from flywheel.options import ImportOptions
 from flywheel.outputs import printable
 from flywheel.quantities import CONTROL_STEP
@@ -55,6 +57,7 @@ from flywheel.records import (
 )
 from flywheel.robots import Robot
 
+BEGIN = 1 << 16  # bytes of a log that tell how its numbers are written
 MAPS = (".yaml", ".yml")
 SHARES: dict[Split, float] = {"train": 0.6, "validation": 0.2, "test": 0.2}
 DIGITS = 16  # characters of the content's digest, in names
@@ -176,7 +179,8 @@ def _read(
     follow: Follow | None,
 ) -> Assembled:
     """The log's raw values."""
-    if not how.assembles and not path.is_dir() and format_of(path) is TABLE:
+    plain = not how.assembles and not path.is_dir() and format_of(path) is TABLE
+    if plain and not _has_decimal_commas(path):
         with open_table(path, told) as sheet:
             if sum(map(bool, sheet.header)) > 1:
                 columns = matched(sheet, robot, how)
@@ -191,6 +195,11 @@ def _read(
         if len(entries) == 1 and str(error).startswith(printable(path.name)):
             raise
         raise DataError(f"{printable(path.name)}: {error}") from None
+
+
+def _has_decimal_commas(path: Path) -> bool:
+    with opened(path, "recording", DataError, None) as file:
+        return has_decimal_commas(file.read(BEGIN))
 
 
 def _episodes(

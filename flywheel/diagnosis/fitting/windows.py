@@ -131,7 +131,10 @@ class Windows:
         shortest = min([n for n in lengths if n * dt >= settings.remnant * wanted] or lengths)
         steps = shortest // max(1, round(shortest * dt / wanted))
         if steps < 2:
-            raise DataError(f"A recording of {shortest} steps is too short for a window.")
+            raise DataError(
+                f"A window of {wanted:.3g} s of a recording of {shortest * dt:.4g} s has {steps} steps of "
+                f"{dt:g} s; at least 2 are needed."
+            )
         places = [
             (index, first)
             for index, log in enumerate(recordings)

@@ -100,6 +100,13 @@ def _delimiter(line: str) -> str:
     return most if most in line else " "
 
 
+def has_decimal_commas(begin: bytes) -> bool:
+    """True for the beginning of a table whose second line has decimals behind commas."""
+    lines = [line for line in head(begin, HEADER_LINES) if line.strip()][1:2]
+    delimiter = _delimiter(lines[0]) if lines else ","
+    return delimiter != "," and _decimal_comma(_split(lines[0], delimiter))
+
+
 def _width(line: str, delimiter: str) -> int:
     """Delimiters of a line before its last cell that is not empty."""
     if delimiter == " ":

@@ -228,12 +228,9 @@ class OpenTable:
         try:
             return float(cell.strip() or "nan")
         except ValueError:
-            hint = _hint(cell)
-            if "," in cell and self._delimiter != ",":
-                hint += " With a map, as flywheel recordings guess drafts it, commas are read, too."
             raise DataError(
                 f"{self.file}, line {line}, column {name!r}: {shown(cell.strip())} is not a number. A cell "
-                f"that was not measured is empty or NaN.{hint}"
+                f"that was not measured is empty or NaN.{_hint(cell)}"
             ) from None
 
 

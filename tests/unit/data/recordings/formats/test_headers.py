@@ -82,6 +82,14 @@ def test_a_log_with_a_title_needs_no_map(truth: Truth, tmp_path: Path) -> None:
     check(read_recording(tmp_path / "log.csv", truth.robot).episodes[0].trajectory, truth)
 
 
+def test_a_log_with_decimal_commas_needs_no_map(truth: Truth, tmp_path: Path) -> None:
+    writers.table(truth, path := tmp_path / "log.csv", TIME)
+    text = path.read_text().replace(",", ";").replace(".", ",")
+    names, rows = text.split("\n", 1)
+    path.write_text("\n".join([names.replace(",", "."), rows]))
+    check(read_recording(path, truth.robot).episodes[0].trajectory, truth)
+
+
 @pytest.mark.parametrize(
     "text",
     [
