@@ -68,6 +68,7 @@ class Draft:
     Attributes:
       robot: of the recording.
       folder: that the map's paths are relative to.
+      commands: of the winches; those on hold are not found.
     """
 
     robot: Robot
@@ -75,6 +76,7 @@ class Draft:
     values: dict[str, object] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
     files: dict[str, LogFile] = field(default_factory=dict)
+    commands: dict[str, str | dict[str, str]] = field(default_factory=dict)
 
     def how(self) -> RecordingMap:
         """The map so far."""
@@ -109,6 +111,9 @@ def guess(paths: Sequence[Path], robot: Robot, folder: Path) -> str:
     for entry in entries:
         if "rate" in entry:  # nobody knows it
             entry["rate"] = None
+    draft.values["commands"] = {
+        name: None if told == HOLD else told for name, told in draft.commands.items()
+    }
     return draft.text()
 
 
@@ -208,12 +213,13 @@ def _add_points(draft: Draft, file: LogFile) -> None:
     plain = [name for name in known if name not in turned and not name.endswith("(solved)")]
     if len(found) < len(names):
         plain = alike(plain, len(names))
+    rows = threes(file, len(names))
+    if len(found) < len(names) == len(rows):
+        found, plain = dict(zip(names, rows, strict=True)), []
+        draft.remarks.append("markers are in the order of the file, three numbers for each")
     if len(found) < len(names) == len(plain):
         found = dict(zip(names, plain, strict=True))
         draft.remarks.append("markers are in the order of the file: their names tell nothing")
-    if not plain and len(rows := threes(file, len(names))) == len(names):
-        found = dict(zip(names, rows, strict=True))
-        draft.remarks.append("markers are in the order of the file, three numbers for each")
     columns = spelled(file)
     draft.values["markers"] = {
         name: columns.get(marker, marker) if (marker := found.get(name)) else None for name in names
@@ -309,7 +315,7 @@ def _add_commands(draft: Draft, points: tuple[Floats, Floats] | None) -> None:
             f"{', '.join(columns[:40])}"
         )
     told = {winch.name: _command(found.get(winch.name), winch.kind) for winch in robot.winches}
-    draft.values["commands"] = told
+    draft.values["commands"] = draft.commands = told
     draft.remarks.append(
         "commands are taken for m/s, those of positions for m, tensions for N: compare with the log's units"
     )

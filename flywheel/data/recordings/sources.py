@@ -187,6 +187,8 @@ class Channel(_Sourced):
     @model_validator(mode="before")
     @classmethod
     def _of_text(cls, value: Any) -> Any:
+        if value is None:
+            raise ValueError(f"to fill in: a column, or {HOLD} if it never moved")
         if not isinstance(value, str):
             return value
         return {"hold": True} if value == HOLD else {"from": value}

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from flywheel.data.recordings.formats.stream import Contents, Stream
+from flywheel.data.recordings.formats.stream import Contents, Stream, named_time
 from flywheel.errors import DataError
 from flywheel.records import Floats
 
@@ -20,13 +20,15 @@ FEWEST = 2  # rows
 def streams(arrays: Mapping[str, Any], notes: tuple[str, ...] = ()) -> Contents:
     """Arrays as columns `name`, `name[0]` or `name[0][1]`; those with as many rows are one stream.
 
-    The rows are along the axis that is as long as an array with one axis, else along the longest.
+    The rows are along the axis that is as long as an array with one axis, else along the longest. An array
+    with one row less than the times is that of their first rows.
 
     Raises:
       DataError: no array holds numbers of at least two rows.
     """
     kept = {name: each for name, each in arrays.items() if _is_series(each)}
-    vectors = {max(each.shape) for each in kept.values() if np.sum(np.array(each.shape) > 1) == 1}
+    lines = {n: max(each.shape) for n, each in kept.items() if each.size == max(each.shape)}
+    vectors, timed = {*lines.values()}, {size for name, size in lines.items() if named_time(name)}
     groups: dict[int, dict[str, Floats]] = defaultdict(dict)
     for name, each in kept.items():
         rows = _rows_first(each, vectors)
@@ -35,7 +37,11 @@ def streams(arrays: Mapping[str, Any], notes: tuple[str, ...] = ()) -> Contents:
                 f"{name!r} is left out: it has {rows.size // len(rows):,} numbers in each row",
             )
             continue
-        groups[len(rows)] |= columns_of(name, rows)
+        columns = columns_of(name, rows)
+        if len(rows) + 1 in timed and len(rows) not in timed:
+            notes += (f"{name!r} has no last row, as commands between measurements",)
+            columns = {each: np.append(values, np.nan) for each, values in columns.items()}
+        groups[len(next(iter(columns.values())))] |= columns
     if not groups:
         raise DataError("it has no arrays of numbers with at least two rows.")
     return Contents(tuple(Stream(each) for each in groups.values()), notes)

@@ -13,7 +13,7 @@ from flywheel.data.recordings.formats.arrays import check_size, streams
 from flywheel.data.recordings.formats.stream import Contents
 from flywheel.errors import DataError
 
-NUMBERS = "biuf"  # letters of types
+NUMBERS = "biufmMV"  # letters of types, with those of times, and of arrays with named fields
 PICKLED = (
     "an array of Python objects is a pickle, which runs code when it is read; save plain numbers."
 )
@@ -26,7 +26,7 @@ def read(path: Path, names: tuple[str, ...]) -> Contents:
             with path.open("rb") as file:
                 _kind(file, "its array")
                 file.seek(0)
-                return streams({"array": np.lib.format.read_array(file)})
+                return streams(_leaves("array", np.lib.format.read_array(file)))
         with zipfile.ZipFile(path) as archive:
             return _archive(archive)
     except (
@@ -48,13 +48,25 @@ def _archive(archive: zipfile.ZipFile) -> Contents:
         with archive.open(each) as file:
             kinds[each.filename] = _kind(file, each.filename)
     check_size(sum(each.file_size for each in members) // 8, "the archive")
-    found = {}
+    found = dict[str, Any]()
     for each in members:
         if kinds[each.filename] in NUMBERS:
             with archive.open(each) as file:
-                found[each.filename.removesuffix(".npy")] = np.lib.format.read_array(file)
+                array = np.lib.format.read_array(file)
+                found |= _leaves(each.filename.removesuffix(".npy"), array)
     left = [name for name, kind in kinds.items() if kind not in NUMBERS]
     return streams(found, tuple(f"{name!r} is left out: it has no numbers" for name in left))
+
+
+def _leaves(name: str, array: Any) -> dict[str, Any]:
+    """Arrays of numbers in an array, whose fields are `name.field`; dates and durations are seconds."""
+    if array.dtype.names:
+        fields = (_leaves(f"{name}.{each}", array[each]) for each in array.dtype.names)
+        return {inner: each for found in fields for inner, each in found.items()}
+    if array.dtype.kind in "mM":
+        seconds = array.astype(f"{array.dtype.kind}8[ns]").astype(np.int64) / 1e9
+        return {name: np.where(np.isnat(array), np.nan, seconds)}
+    return {name: array}
 
 
 def _kind(file: Any, name: str) -> str:

@@ -78,7 +78,10 @@ def _numbers(path: Path) -> int:
 def _columns(path: Path) -> tuple[dict[str, Floats], dict[str, list[str]], list[str]]:
     """Columns of numbers, columns of texts, and names of the others."""
     found, texts, left = dict[str, Floats](), dict[str, list[str]](), list[str]()
-    for name, values in zip((table := _table(path)).column_names, table.columns, strict=True):
+    table = _table(path)
+    while any(map(pa.types.is_struct, table.schema.types)):
+        table = table.flatten()  # names them `column.field`
+    for name, values in zip(table.column_names, table.columns, strict=True):
         kind = values.type.value_type if pa.types.is_dictionary(values.type) else values.type
         if pa.types.is_string(kind) or pa.types.is_large_string(kind):
             texts[name] = ["" if each is None else each for each in values.to_pylist()]
@@ -94,9 +97,12 @@ def _columns(path: Path) -> tuple[dict[str, Floats], dict[str, list[str]], list[
 def _values(values: Any) -> Floats | None:
     """(N,) or (N, k) numbers of a column; None where it has none, or lists of different lengths.
 
-    Dates and durations are seconds.
+    Dates, times of day and durations are seconds.
     """
     kind = values.type
+    if pa.types.is_time(kind):
+        whole = pa.int32() if pa.types.is_time32(kind) else pa.int64()
+        return np.asarray(values.cast(whole), np.float64) / PER_SECOND[kind.unit]
     if pa.types.is_timestamp(kind) or pa.types.is_duration(kind):
         return np.asarray(values.cast(pa.int64())) / PER_SECOND[kind.unit]
     if pa.types.is_list(kind) or pa.types.is_large_list(kind) or pa.types.is_fixed_size_list(kind):

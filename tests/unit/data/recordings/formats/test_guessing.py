@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from flywheel.cli.main import app
 from flywheel.data.recordings import guess, read_recording
 from flywheel.dynamics.plant import cables_by_winches
-from flywheel.errors import DataError
+from flywheel.errors import ConfigError, DataError
 from flywheel.records import Trajectory
 from flywheel.robots import load_robot
 from tests.unit.data.recordings.formats import writers
@@ -269,3 +269,24 @@ def test_commands_in_degrees_of_a_drum_ask_for_its_radius(truth: Truth, tmp_path
         "winch_fr": {"from": "FR_vel_deg_s", "unit": "deg/s"},
         "rear": {"from": "Rear_rad", "unit": "rad"},
     }
+
+
+def test_commands_that_are_not_found_are_to_fill_in(truth: Truth, tmp_path: Path) -> None:
+    points = truth.points(TIME)
+    np.savez(tmp_path / "log.npz", time=TIME, markers=points.reshape(len(TIME), -1))
+    text = guess([tmp_path / "log.npz"], truth.robot, tmp_path)
+    draft = yaml.safe_load(text)
+    assert "markers are in the order of the file, three numbers for each" in text
+    assert draft["commands"] == dict.fromkeys((w.name for w in truth.robot.winches), None)
+    (tmp_path / "map.yaml").write_text(text)
+    with pytest.raises(ConfigError, match="commands.rear: to fill in: a column, or hold"):
+        read_recording(tmp_path / "map.yaml", truth.robot)
+
+
+def test_three_numbers_for_each_marker_are_found_beside_three_commands(
+    truth: Truth, tmp_path: Path
+) -> None:
+    points, told = truth.points(TIME), truth.commands(TIME)
+    np.savez(tmp_path / "log.npz", time=TIME, p=points.reshape(len(TIME), -1), cmd=told)
+    track, _ = imported_draft([tmp_path / "log.npz"], truth)
+    check(track, truth, hidden=False)

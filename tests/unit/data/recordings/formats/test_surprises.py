@@ -450,3 +450,33 @@ def test_arrays_that_matlab_wrote_have_its_numbers(version: str) -> None:
     for i, j in np.ndindex(2, 3):
         found = layers[f"test3dmatrix[{i}][{j}]"]
         np.testing.assert_array_equal(found, 1 + i + 2 * j + 6 * np.arange(4))
+
+
+def test_dates_fields_and_commands_between_measurements_of_numpy(tmp_path: Path) -> None:
+    days = np.datetime64("2026-12-01T10:00:00", "ms") + np.array([0, 10, 20], "m8[ms]")
+    days[1] = np.datetime64("NaT")
+    kind = np.dtype([("x", "f4"), ("inner", [("y", "i2")])])
+    rows = np.array([(1.5, (2,)), (2.5, (3,)), (3.5, (4,))], kind)
+    told = np.arange(4.0).reshape(2, 2)
+    np.savez(path := tmp_path / "log.npz", time=days, log=rows, told=told, short=np.arange(1.0))
+    file = open_log(path)
+    (stream,) = file.streams
+    found = {name: values.tolist() for name, values in stream.columns.items()}
+    assert stream.columns["time"][2] - stream.columns["time"][0] == pytest.approx(0.02, abs=1e-6)
+    assert np.isnan(stream.columns["time"][1])
+    assert found["log.x"] == [1.5, 2.5, 3.5] and found["log.inner.y"] == [2, 3, 4]
+    assert found["told[1]"][:2] == [1, 3] and np.isnan(found["told[1]"][2])
+    assert "'told' has no last row, as commands between measurements" in file.notes
+
+
+def test_structures_and_times_of_day_of_parquet(tmp_path: Path) -> None:
+    rows = [{"x": 1.0, "inner": {"y": 2}}, {"x": 3.0, "inner": {"y": 4}}]
+    for unit, kind in (("ms", pa.time32("ms")), ("us", pa.time64("us"))):
+        times = pa.array([36_000, 36_001], pa.int32() if unit == "ms" else pa.int64())
+        table = pa.table({"time": times.cast(kind), "m": rows})
+        parquet.write_table(table, path := tmp_path / f"{unit}.parquet")
+        (stream,) = open_log(path).streams
+        step = {"ms": 1e-3, "us": 1e-6}[unit]
+        assert np.diff(stream.columns["time"]) == pytest.approx(step)
+        assert stream.columns["m.inner.y"].tolist() == [2, 4]
+        assert stream.columns["m.x"].tolist() == [1, 3]
