@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Mapping
 from functools import partial
+from itertools import pairwise
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_validator
@@ -243,6 +244,8 @@ class PoseSource(_Sourced):
     def _is_complete(self) -> Self:
         if (self.source is None) != (self.position is not None and self.rotation is not None):
             raise ValueError("give from, the name of the body, or position and rotation")
+        if self.order and any(a == b for a, b in pairwise(self.order)):
+            raise ValueError(f"order turns twice about one axis in a row; got {self.order}")
         if not math.isclose(math.hypot(*self.turned), 1.0, abs_tol=1e-3):
             raise ValueError(
                 f"turned is a quaternion w, x, y, z of length 1; got {shown(self.turned)}"

@@ -238,6 +238,8 @@ def test_angles_tell_the_pose_of_a_body(truth: Truth, folder: Path) -> None:
     text = f"files: [{entry}, {MOTORS.replace('[t,', '[time,')}]\n{COMMANDS}units: {{points: cm}}\n{pose}"
     check(imported(folder / "take.tsv", text, truth)[0], truth, hidden=False)
     assert "give order, three letters" in refused(folder, text.replace("order: XYZ, ", ""), truth)
+    twice = refused(folder, text.replace("order: XYZ", "order: XXZ"), truth)
+    assert "order turns twice about one axis in a row; got XXZ" in twice
 
 
 def test_the_frame_of_a_files_body_may_be_another(truth: Truth, folder: Path) -> None:
