@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, TypeVar, get_args
 
@@ -15,6 +16,8 @@ M = TypeVar("M", bound=BaseModel)
 MOST_PROBLEMS = 20  # that a message tells of
 LONGEST_PROBLEM = 1000  # characters, of a name or a value in it
 _TYPES = {"model_type": "a mapping", "dict_type": "a mapping", "tuple_type": "a list"}
+# What pydantic calls one of the types that a value may have.
+_CHOICE = re.compile(r"(function-\w+|tuple|list)\[.*\]|constrained-str|str|float")
 
 
 class Frozen(BaseModel):
@@ -60,7 +63,8 @@ def lines(problems: Iterable[str]) -> str:
 
 def _explained(schema: type[BaseModel], error: Any) -> str:
     location = error["loc"]
-    where = ".".join(str(part)[:LONGEST_PROBLEM] for part in location) or "(the whole)"
+    told = [str(part)[:LONGEST_PROBLEM] for part in location if not _CHOICE.fullmatch(str(part))]
+    where = ".".join(told) or "(the whole)"
     if error["type"] == "extra_forbidden":
         allowed = sorted(_fields_at(schema, location[:-1]))
         hint = nearest(str(location[-1]), allowed)

@@ -21,7 +21,7 @@ FORCES = {"N": 1.0, "kN": 1e3, "kgf": 9.80665, "gf": 9.80665e-3, "lbf": 4.448221
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "ft": 0.3048}
 ANGLES = {"rad": 1.0, "deg": math.pi / 180, "turn": 2 * math.pi}  # of a winch's drum
 TICKS = "ticks"  # of an encoder, so many per turn of the drum
-QUANTITY = re.compile(r"\s*([-+]?\d*\.?\d+(?:[eE][-+]?\d+)?)\s*(?:/\s*turn|([a-z]*))\s*")
+QUANTITY = re.compile(r"\s*([-+]?\d*\.?\d+(?:[eE][-+]?\d+)?)\s*(?:/\s*turn|([A-Za-z]*))\s*")
 HOLD = "hold"
 LONGEST_NAME = 200  # characters of a column's name
 TimeUnit = Literal["s", "ms", "us", "ns", "min", "h"]
@@ -46,8 +46,8 @@ def _metres(value: Any) -> Any:
 
 def _noise(units: Mapping[str, float], value: Any) -> Any:
     """Metres or newtons, of a number or a text such as `0.2 mm` or `0.5 N`, in one of the units."""
-    found = re.fullmatch(r"\s*(\S+)\s+(\w+)\s*", value) if isinstance(value, str) else None
-    if found is None:
+    found = QUANTITY.fullmatch(value) if isinstance(value, str) else None
+    if found is None or not found[2]:
         return value
     if found[2] not in units:
         raise ValueError(f"noise is in {', '.join(units)}; got {shown(value)}")
@@ -198,6 +198,8 @@ class Channel(_Sourced):
     def _is_complete(self) -> Self:
         if self.hold == (self.source is not None):
             raise ValueError("give from, a column, or hold")
+        if self.hold and (others := sorted(self.model_fields_set - {"hold", "source"})):
+            raise ValueError(f"{', '.join(others)}: no effect on a winch on hold")
         return self
 
 

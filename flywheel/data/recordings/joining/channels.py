@@ -11,7 +11,15 @@ from flywheel.data.recordings.joining.lookup import Found, Sheets, length_of
 from flywheel.data.recordings.joining.series import Clock, Series
 from flywheel.data.recordings.mapping import RecordingMap
 from flywheel.data.recordings.report import Finding, listed
-from flywheel.data.recordings.sources import ANGLES, TICKS, Channel, factor_of, newtons_of
+from flywheel.data.recordings.sources import (
+    ANGLES,
+    FORCES,
+    LENGTHS,
+    TICKS,
+    Channel,
+    factor_of,
+    newtons_of,
+)
 from flywheel.data.recordings.tables.columns import channel_names
 from flywheel.errors import DataError
 from flywheel.records import ChannelKind, Floats
@@ -176,13 +184,7 @@ def _channel(
     unit = channel.unit or (how.units.tension if told else getattr(how.units, kind))
     drum = channel.drum if channel.drum is not None else how.units.drum
     what = f"the unit of {of.name}"
-    base = unit.removeprefix("-").removesuffix("/s")
-    for key, given, fitting in (("drum", channel.drum, DRUM), ("per", channel.per, (TICKS,))):
-        if given is not None and base not in fitting:
-            raise DataError(
-                f"{what} is {unit!r}, for which {key} has no effect; give unit, one of "
-                f"{', '.join(fitting)} (rates per second), or leave {key} out."
-            )
+    _check_unit(channel, unit, kind, of)
     try:
         factor = sign * (
             newtons_of(unit, what) if told else factor_of(unit, what, drum, channel.per)
@@ -197,6 +199,26 @@ def _channel(
             raise DataError(f"{name!r}, the commands of {of.name}, has {known.sum()} numbers.")
         made = Series(made.time[known], values[known], made.source, channel.held)
     return made
+
+
+def _check_unit(channel: Channel, unit: str, kind: str, of: Winch | Cable) -> None:
+    """Raises DataError for a known unit of another dimension, or for what has no effect with it."""
+    base, what = unit.removeprefix("-").removesuffix("/s"), f"the unit of {of.name} is {unit!r}"
+    if kind == "control" and channel.noise is not None:
+        raise DataError(
+            f"the commands of {of.name} have a noise, which has no effect: leave it out."
+        )
+    if base not in (*LENGTHS, *DRUM, *FORCES):
+        return
+    rate = kind == "control" and isinstance(of, Winch) and of.kind == "rate"
+    if channel.unit and base not in FORCES and rate != unit.endswith("/s"):
+        raise DataError(f"{what}, which is {'no' if rate else 'a'} rate; give {base}{'/s' * rate}.")
+    for key, given, fitting in (("drum", channel.drum, DRUM), ("per", channel.per, (TICKS,))):
+        if given is not None and base not in fitting:
+            raise DataError(
+                f"{what}, for which {key} has no effect; give unit, one of {', '.join(fitting)} (rates per "
+                f"second), or leave {key} out."
+            )
 
 
 def _series(found: Found, values: Floats, clocks: Sequence[Clock], held: bool = False) -> Series:
