@@ -278,10 +278,9 @@ def _positions(draft: Draft) -> tuple[Floats, Floats] | None:
 
 def _add_axes(draft: Draft, points: Floats) -> None:
     """Axes with y up, where heights of the points fit the keyframe's better than with z up."""
-    robot = draft.robot
-    if not robot.free:
+    robot, seen = draft.robot, np.isfinite(points).any(axis=0).all(axis=1)
+    if not robot.free or not seen.any():
         return
-    seen = np.isfinite(points).any(axis=(0, 2))
     wanted = robot.points_of(robot.keyframe)[seen, 2]
     usual = np.nanmedian(points[:, seen], axis=0)
 

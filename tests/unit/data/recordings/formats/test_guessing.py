@@ -290,3 +290,15 @@ def test_three_numbers_for_each_marker_are_found_beside_three_commands(
     np.savez(tmp_path / "log.npz", time=TIME, p=points.reshape(len(TIME), -1), cmd=told)
     track, _ = imported_draft([tmp_path / "log.npz"], truth)
     check(track, truth, hidden=False)
+
+
+@pytest.mark.parametrize("unseen", ["xyz", "z"])
+def test_a_draft_of_a_log_in_which_no_marker_was_seen(
+    unseen: str, truth: Truth, tmp_path: Path
+) -> None:
+    names = [f"{n}.{a}" for n in writers.names(truth) for a in "xyz"]
+    points = [["" if n[-1] in unseen else "1.5" for n in names] for _ in range(20)]
+    cells = [[f"{k / 100}", *row, "0"] for k, row in enumerate(points)]
+    path = rows(tmp_path / "log.csv", ",".join(["t", *names, "u"]), cells)
+    draft = yaml.safe_load(guess([path], truth.robot, tmp_path))
+    assert set(draft["markers"].values()) == set(writers.names(truth)) and "axes" not in draft
