@@ -131,10 +131,8 @@ class Windows:
         shortest = min([n for n in lengths if n * dt >= settings.remnant * wanted] or lengths)
         steps = shortest // max(1, round(shortest * dt / wanted))
         if steps < 2:
-            raise DataError(
-                f"A window of {wanted:.3g} s of a recording of {shortest * dt:.4g} s has {steps} steps of "
-                f"{dt:g} s; at least 2 are needed."
-            )
+            span = f"{wanted:.3g} s of a recording of {shortest * dt:.4g} s"
+            raise DataError(f"A window of {span} has {steps} steps of {dt:g} s, not 2 or more.")
         places = [
             (index, first)
             for index, log in enumerate(recordings)

@@ -85,6 +85,13 @@ def test_numbers_within_texts_have_bounds_too(text: str) -> None:
         assert len(str(caught.value)) < 500
 
 
+def test_a_wrong_length_is_shown_as_it_was_given() -> None:
+    with pytest.raises(ConfigError, match="got '9km'"):
+        length_of("9km", PRISM)
+    with pytest.raises(ConfigError, match="got '-1N'"):
+        channels_of(["tension=-1N"], PRISM)
+
+
 def test_two_values_of_one_name_are_refused() -> None:
     with pytest.raises(ConfigError, match="got 'body_mass=2%' after another value of 'body_mass'"):
         unsure_of(["body_mass=1%", "cable_stiffness=5%", "body_mass=2%"])

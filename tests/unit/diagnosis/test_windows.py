@@ -39,6 +39,8 @@ def test_nothing_to_look_at_is_refused(robot: Robot, trajectory: Trajectory) -> 
     blind = Trajectory(unseen, trajectory.controls, trajectory.dt)
     with pytest.raises(DataError, match="the fullest has 0%"):
         Windows.cut(robot, [blind], sigma=0.01)
+    with pytest.raises(DataError, match="A window of 0.01 s of a recording of .* has 1 steps of"):
+        Windows.cut(robot, [trajectory], seconds=0.01)
 
 
 def test_recordings_of_two_rates_are_refused(robot: Robot, trajectory: Trajectory) -> None:
