@@ -40,15 +40,18 @@ def read(path: Path, names: tuple[str, ...]) -> Contents:
     ]
     found, notes = named(parts)
     unit = metres(about.get("Units", ""))
-    time = _exact(data[1], about.get("DataRate", ""))
+    time = _exact(data[1], data[0], about.get("DataRate", ""))
     return Contents((Stream(found, time, length=unit, asks_unit=unit is None),), tuple(notes))
 
 
-def _exact(time: Floats, rate: str) -> Floats:
-    """The times (N,) [s] as multiples of the file's rate where they are those, rounded."""
+def _exact(time: Floats, frames: Floats, rate: str) -> Floats:
+    """The times (N,) [s] as multiples of the file's rate where they are those, rounded, by frames or rows."""
     try:
         step = 1.0 / float(rate)
     except (ValueError, ZeroDivisionError):
         return time
-    ideal = time[0] + step * np.arange(len(time))
-    return ideal if np.abs(time - ideal).max() <= 2 * ROUNDED else time
+    for count in (frames - frames[0], np.arange(len(time))):
+        ideal = time[0] + step * count
+        if np.abs(time - ideal).max() <= 2 * ROUNDED:
+            return ideal
+    return time

@@ -480,3 +480,16 @@ def test_structures_and_times_of_day_of_parquet(tmp_path: Path) -> None:
         assert np.diff(stream.columns["time"]) == pytest.approx(step)
         assert stream.columns["m.inner.y"].tolist() == [2, 4]
         assert stream.columns["m.x"].tolist() == [1, 3]
+
+
+@pytest.mark.parametrize("every", [1, 2])
+def test_a_row_that_a_trc_file_lacks_moves_no_other(every: int, tmp_path: Path) -> None:
+    """At 1 kHz, times that are rounded to 1 ms would fit a step early; frames may be those of cameras."""
+    head = "PathFileType\t4\t(X/Y/Z)\tx.trc\nDataRate\tNumFrames\tUnits\n1000\t39\tmm\n"
+    head += "Frame#\tTime\tm\t\t\n\t\tX1\tY1\tZ1\n"
+    frames = [k for k in range(40) if k != 20 or every > 1]
+    rows = "".join(f"{1 + every * k}\t{k / 1000:.3f}\t1\t2\t3\n" for k in frames)
+    (tmp_path / "log.trc").write_text(head + rows)
+    (stream,) = open_log(tmp_path / "log.trc").streams
+    assert stream.time is not None
+    np.testing.assert_allclose(stream.time, np.array(frames) / 1000, atol=1e-9)
