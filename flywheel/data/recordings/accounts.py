@@ -109,6 +109,24 @@ def check_accounts(
     return findings
 
 
+def moved_on_hold(evidence: Evidence | None, held: Sequence[int]) -> list[Finding]:
+    """Notes on winches `held` that never moved, as the map says, though their taut cables change by more than
+    they can be pulled.
+    """
+    if evidence is None:
+        return []
+    robot, lengths, found = evidence.robot, evidence.lengths(evidence.points), list[Finding]()
+    for winch in held:
+        cable = robot.winches[winch].cables[0]
+        low, high = np.quantile(lengths[:, cable], [0.05, 0.95])
+        little = STILL * (robot.rest_high - robot.rest_low)[winch]
+        if high - low > evidence.pulled[cable] + little and evidence.needed(cable):
+            by = f"changes by {1e3 * (high - low):.3g} mm"
+            words = f"{robot.cables[cable].name} {by}, though the map says hold"
+            found.append(Finding("channel", "noted", control_names(robot)[winch], 0, words=words))
+    return found
+
+
 def _lengths(time: Floats, points: Floats, robot: Robot, cables: Sequence[int]) -> Account | None:
     """Lengths of a cable of each winch, at the times that matter; None where the points do not tell them."""
     seen = np.flatnonzero(np.isfinite(points[..., 0]).all(axis=1))

@@ -278,7 +278,8 @@ def _positions(draft: Draft) -> tuple[Floats, Floats] | None:
 
 def _add_axes(draft: Draft, points: Floats) -> None:
     """Axes with y up, where heights of the points fit the keyframe's better than with z up."""
-    robot, seen = draft.robot, np.isfinite(points).any(axis=0).all(axis=1)
+    robot = draft.robot
+    seen = np.asarray(np.isfinite(points).any(axis=0)).all(axis=1)
     if not robot.free or not seen.any():
         return
     wanted = robot.points_of(robot.keyframe)[seen, 2]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flywheel import __version__
-from flywheel.data.recordings.accounts import check_accounts
+from flywheel.data.recordings.accounts import check_accounts, moved_on_hold
 from flywheel.data.recordings.cables import check_channels, check_frame
 from flywheel.data.recordings.clock import stretches, usual_period, without_duplicates
 from flywheel.data.recordings.evidence import Evidence
@@ -245,6 +245,8 @@ def _checked(
     held = {f"ctrl.{name}" for name, channel in how.commands.items() if channel.hold}
     accounts = check_accounts(log, tracked.points, robot, evidence)
     findings += [finding for finding in accounts if finding.subject not in held]
+    names = [f"ctrl.{winch.name}" for winch in robot.winches]
+    findings += moved_on_hold(evidence, [i for i, name in enumerate(names) if name in held])
     points, found = judged(tracked, robot, log.time, "swaps" in how.repair)
     _check_kept(log.points, points, findings + found)
     controls = np.clip(log.controls, robot.control_low, robot.control_high)  # rounding only

@@ -9,7 +9,7 @@ import yaml
 
 from flywheel.data.recordings import read_recording
 from flywheel.dynamics.plant import Plant
-from flywheel.robots import read_robot
+from flywheel.robots import load_robot, read_robot
 from tests.unit.robots.test_structures import PLATFORM, made
 
 
@@ -41,3 +41,23 @@ def test_a_platform_that_hangs_lower_has_longer_cables(
     assert (track.controls == robot.holding(track.observations.winch[0])).all()
     (note,) = (finding.words for finding in read.report.findings)
     assert all(f"{winch.name} at 1.78" in note for winch in robot.winches)
+
+
+def test_a_winch_on_hold_whose_cable_changes_is_named(tmp_path: Path) -> None:
+    robot = load_robot("platform4")
+    plant, rng = Plant(robot), np.random.default_rng(0)
+    start = plant.settle(1.0)
+    still = robot.holding(plant.winch(start))
+    told = np.repeat(np.tile(still, (8, 1)), 50, axis=0)
+    told[:, 2] += np.repeat(rng.uniform(-0.12, 0.12, 8), 50)
+    points = plant.simulate(start, told[None]).observations.points[0]
+    points += rng.normal(0, 3e-4, points.shape)
+    columns = {p.name: points[:-1, i] for i, p in enumerate(robot.points)}
+    np.savez(tmp_path / "log.npz", t=0.01 * np.arange(len(told)), told=told[:, 2], **columns)
+    names = [winch.name for winch in robot.winches]
+    for rear, wanted in (({"from": "told", "unit": "m"}, []), ("hold", [f"ctrl.{names[2]}"])):
+        commands = {names[0]: "hold", names[1]: "hold", names[2]: rear}
+        how = {"markers": {name: name for name in columns}, "commands": commands}
+        (tmp_path / "log.yaml").write_text(yaml.safe_dump(how))
+        found = read_recording(tmp_path / "log.npz", robot).report.findings
+        assert [f.subject for f in found if "though the map says hold" in f.words] == wanted
