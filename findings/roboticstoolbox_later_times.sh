@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 . "$(dirname "$0")/environment.sh" roboticstoolbox-python==1.5.0 numpy==2.4.6
 echo "guess:     jtraj with times from 10 to 12 s begins at its first configuration, as quintic does"
-echo "behaviour: times count from zero: it begins at 96 % of the way, and keeps the rest for the two seconds; velocities there are not the asked ones"
+echo "behaviour: times count from zero: it begins at 96 % of the way, and spends the two seconds on the rest"
 python - <<'PYTHON'
 import numpy as np
 from roboticstoolbox import jtraj, quintic
