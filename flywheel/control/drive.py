@@ -194,7 +194,7 @@ def _go(
         if passed * dt > BLIND:
             raise LinkError(
                 f"The robot's clock went on by {passed * dt:g} s between two measurements, to "
-                f"{sample.time:g} s; it must be in seconds."
+                f"{sample.time:g} s: it is not in seconds, or this computer stood still."
             )
         passed = min(passed, steps - log.done)
         going.skipped += passed - 1
