@@ -151,7 +151,7 @@ class TableConfig(Frozen):
         least, most = self.seconds
         if least > most:
             raise ValueError(f"seconds are the least and the largest; got {least:g} and {most:g}")
-        for robot, method in product(self.robots, self.methods.values()):
+        for robot, method in product(self.robots, self.methods.values()):  # each has a valid run
             horizon = self.config(robot, method).evaluate.horizon_seconds
             if least < HISTORY_SECONDS + horizon:
                 raise ValueError(
@@ -182,8 +182,6 @@ class TableConfig(Frozen):
                 raise ValueError(f"simulations: at most {most} here, got {method.simulations}")
             if (method.true_winches or method.exact) and self.real is not None:
                 raise ValueError("true_winches and exact: those of a real robot are unknown")
-        for robot, method in product(self.robots, self.methods.values()):
-            self.config(robot, method)
         return self
 
     def config(self, robot: str, method: Method | None = None) -> RunConfig:

@@ -8,7 +8,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from flywheel.errors import ConfigError, LinkError
-from flywheel.robot_link.own import OwnLink
+from flywheel.robot_link.own import OwnLink, made
 from flywheel.robot_link.protocol import RobotLink
 from flywheel.robot_link.ros import PORT as BRIDGE_PORT
 from flywheel.robot_link.ros import RosLink
@@ -101,15 +101,9 @@ def _opened(
         return TcpLink(*_address(where))
     if _is_ros(where):
         host, port = _address(where)
-        more = {"host": host, "port": port, "period": period}
-        try:
-            return RosLink(robot, **{**more, **arguments})
-        except TypeError as error:
-            raise ConfigError(
-                f"{where} cannot be made from a robot and {arguments}: {error}."
-            ) from None
+        return made(RosLink, where, robot, arguments, host=host, port=port, period=period)
     module, _, name = where.partition(":")
-    return OwnLink(where, _class(module, name), robot, dict(arguments))
+    return OwnLink(where, _class(module, name), robot, arguments)
 
 
 def _address(where: str) -> tuple[str, int]:

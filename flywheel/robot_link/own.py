@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from traceback import extract_tb
@@ -14,6 +14,22 @@ from flywheel.errors import ConfigError, FlywheelError, LinkError
 from flywheel.records import Floats
 from flywheel.robot_link.protocol import RobotInfo, RobotLink, Sample
 from flywheel.robots import Robot
+
+
+def made(
+    make: Callable[..., Any], name: str, robot: Robot, arguments: Mapping[str, Any], **more: Any
+) -> Any:
+    """A link of a class, with the user's arguments, which win over `more`.
+
+    Raises:
+      ConfigError: it takes other arguments.
+    """
+    try:
+        return make(robot, **{**more, **arguments})
+    except TypeError as error:
+        raise ConfigError(
+            f"{name} cannot be made from a robot and {dict(arguments)}: {error}."
+        ) from None
 
 
 class OwnLink:
@@ -31,18 +47,11 @@ class OwnLink:
     """
 
     def __init__(
-        self, name: str, make: Callable[..., Any], robot: Robot, arguments: dict[str, Any]
+        self, name: str, make: Callable[..., Any], robot: Robot, arguments: Mapping[str, Any]
     ) -> None:
         self._name = name
-        try:
-            with self._called("cannot be made"):
-                link = make(robot, **arguments)
-        except LinkError as error:
-            if isinstance(error.__cause__, TypeError):
-                raise ConfigError(
-                    f"{name} cannot be made from a robot and {arguments}: {error.__cause__}."
-                ) from None
-            raise
+        with self._called("cannot be made"):
+            link = made(make, name, robot, arguments)
         with self._called("info"):
             if not isinstance(link, RobotLink) or not isinstance(link.info, RobotInfo):
                 raise ConfigError(

@@ -68,7 +68,6 @@ class Draft:
     Attributes:
       robot: of the recording.
       folder: that the map's paths are relative to.
-      commands: of the winches; those on hold are not found.
     """
 
     robot: Robot
@@ -76,7 +75,6 @@ class Draft:
     values: dict[str, object] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
     files: dict[str, LogFile] = field(default_factory=dict)
-    commands: dict[str, str | dict[str, str]] = field(default_factory=dict)
 
     def how(self) -> RecordingMap:
         """The map so far."""
@@ -111,9 +109,6 @@ def guess(paths: Sequence[Path], robot: Robot, folder: Path) -> str:
     for entry in entries:
         if "rate" in entry:  # nobody knows it
             entry["rate"] = None
-    draft.values["commands"] = {
-        name: None if told == HOLD else told for name, told in draft.commands.items()
-    }
     return draft.text()
 
 
@@ -315,7 +310,7 @@ def _add_commands(draft: Draft, points: tuple[Floats, Floats] | None) -> None:
             f"{', '.join(columns[:40])}"
         )
     told = {winch.name: _command(found.get(winch.name), winch.kind) for winch in robot.winches}
-    draft.values["commands"] = draft.commands = told
+    draft.values["commands"] = told
     draft.remarks.append(
         "commands are taken for m/s, those of positions for m, tensions for N: compare with the log's units"
     )
@@ -351,11 +346,9 @@ def _listed(names: str | tuple[str, ...]) -> tuple[str, ...]:
     return (names,) if isinstance(names, str) else names
 
 
-def _command(name: str | None, kind: WinchKind) -> str | dict[str, str]:
-    """A command in the map: its column, with the unit that its name says, or m of a position."""
-    if name is None:
-        return HOLD
-    if kind == "tension":
+def _command(name: str | None, kind: WinchKind) -> str | dict[str, str] | None:
+    """A command in the map: its column, with the unit that its name says, or m of a position; None without."""
+    if name is None or kind == "tension":
         return name
     unit = unit_of(name, "/s" if kind == "rate" else "") or ("m" if kind == "position" else "")
     return {"from": name, "unit": unit} if unit else name

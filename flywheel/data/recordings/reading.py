@@ -37,7 +37,7 @@ from flywheel.data.recordings.repair.markers import judged, track
 from flywheel.data.recordings.repair.repeats import mask_repeats
 from flywheel.data.recordings.report import Finding, ImportReport, listed
 from flywheel.data.recordings.sources import FileEntry
-from flywheel.data.recordings.tables.columns import Log, matched, pick
+from flywheel.data.recordings.tables.columns import Log, control_names, matched, pick
 from flywheel.data.recordings.tables.table import Told, open_table
 from flywheel.data.recordings.tables.values import check_commanded, mask_impossible
 from flywheel.data.splits import assign_split
@@ -245,8 +245,8 @@ def _checked(
     held = {f"ctrl.{name}" for name, channel in how.commands.items() if channel.hold}
     accounts = check_accounts(log, tracked.points, robot, evidence)
     findings += [finding for finding in accounts if finding.subject not in held]
-    names = [f"ctrl.{winch.name}" for winch in robot.winches]
-    findings += moved_on_hold(evidence, [i for i, name in enumerate(names) if name in held])
+    still = [i for i, name in enumerate(control_names(robot)) if name in held]
+    findings += moved_on_hold(evidence, still)
     points, found = judged(tracked, robot, log.time, "swaps" in how.repair)
     _check_kept(log.points, points, findings + found)
     controls = np.clip(log.controls, robot.control_low, robot.control_high)  # rounding only

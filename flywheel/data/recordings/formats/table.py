@@ -25,6 +25,7 @@ from flywheel.records import Floats
 
 AXES = ("x", "y", "z")
 HEADER_LINES = 200  # comments and titles before the rows
+NUMBER = re.compile(r"[-+]?[\d.,:eE+\-TZ /]*\d[\d.,:eE+\-TZ /]*|nan|NaN")  # or a date
 WITH_COMMA = re.compile(r"[-+]?\d+,\d+(e[-+]?\d+)?", re.I)
 BLANKS = re.compile(rb"[ \t]+")
 
@@ -143,8 +144,7 @@ def _split(line: str, delimiter: str) -> list[str]:
 def _all_numbers(row: list[str]) -> bool:
     """True for a first row of data: more than half of its cells are numbers, or dates."""
     filled = [cell for cell in row if cell]
-    number = re.compile(r"[-+]?[\d.,:eE+\-TZ /]*\d[\d.,:eE+\-TZ /]*|nan|NaN")
-    return sum(number.fullmatch(cell) is not None for cell in filled) > len(filled) / 2
+    return sum(NUMBER.fullmatch(cell) is not None for cell in filled) > len(filled) / 2
 
 
 def _numbers(row: list[str]) -> int:
@@ -154,7 +154,7 @@ def _numbers(row: list[str]) -> int:
 
 def _decimal_comma(row: list[str]) -> bool:
     """True for a row of numbers whose decimals are behind a comma."""
-    decimals = [bool(re.fullmatch(r"[-+]?\d+,\d+(e[-+]?\d+)?", cell, re.I)) for cell in row]
+    decimals = [bool(WITH_COMMA.fullmatch(cell)) for cell in row]
     return any(decimals) and not any(re.fullmatch(r"[-+]?\d*\.\d+", cell) for cell in row)
 
 
