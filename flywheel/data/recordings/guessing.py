@@ -347,7 +347,7 @@ def _listed(names: str | tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _command(name: str | None, kind: WinchKind) -> str | dict[str, str] | None:
-    """A command in the map: its column, with the unit that its name says, or m of a position; None without."""
+    """A command in the map: its column, with the unit that its name says, or m of a position; or None."""
     if name is None or kind == "tension":
         return name
     unit = unit_of(name, "/s" if kind == "rate" else "") or ("m" if kind == "position" else "")
